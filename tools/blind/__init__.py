@@ -24,6 +24,11 @@ Outside the library
     An effect that the contract does not name, or one whose columns were not logged. Right is: no
     wrong name, and "unexplained" said, or a name of its own (table ``beyond.OUTSIDE``). Its part
     that frames, joint offsets and constant give cannot imitate has 3.5 times the noise or more.
+Families
+    ``families`` draws campaigns that go wrong in one way each: sizes, few rows, logged conditions,
+    genuine rows that look like faults, the instrument, rails, readings of one or two dimensions,
+    causes in no list. A row's file may then lack coordinates; new rows always have three.
+    What the model says of the instrument is left out for new rows: they are of another set-up.
 New rows
     ``fresh.csv`` has new poses of the same design, ``transfer.csv`` another design: predicted and
     actual shrinkage are compared on the first; neither may get worse by a diagnosis.

@@ -1,4 +1,4 @@
-"""Command line: ``python -m tools.blind generate``, ``score``, ``loop`` and ``stiffness``."""
+"""Command line: ``python -m tools.blind generate``, ``score``, ``families``, and experiments."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from tools.blind import answerers, loop, stiffness, table
+from tools.blind import answerers, families, loop, stiffness, table
 from tools.blind.judging import judge
 from tools.blind.running import run_all
 from tools.blind.writing import generate
@@ -22,6 +22,12 @@ def main(arguments: list[str] | None = None) -> int:
     if options.command == "generate":
         answers = generate(Path(options.output), options.cases, options.seed)
         print(f"{len(answers)} cases in {options.output}, seed {options.seed}", file=sys.stderr)
+        return 0
+    if options.command == "families":
+        folder, names = Path(options.output), options.only or list(families.FAMILIES)
+        text = families.run(folder, names, options.count, options.seed, options.jobs, options.again)
+        (folder / "families.md").write_text(text, encoding="utf-8")
+        print(text)
         return 0
     if options.command in EXPERIMENTS:
         print(run_experiment(options.command, Path(options.output), options.cases, options.seed))
@@ -104,6 +110,13 @@ def _parser() -> argparse.ArgumentParser:
         own.add_argument("-o", "--output", required=True, metavar="DIR")
         own.add_argument("--cases", type=int, default=12)
         own.add_argument("--seed", type=int, default=1)
+    ways = commands.add_parser("families", help="draw families of campaigns, run and score them")
+    ways.add_argument("-o", "--output", required=True, metavar="DIR")
+    ways.add_argument("--count", type=int, default=12, help="cases of each family")
+    ways.add_argument("--seed", type=int, default=1)
+    ways.add_argument("--jobs", type=int, default=2, help="cases at a time")
+    ways.add_argument("--only", nargs="+", choices=families.FAMILIES, metavar="FAMILY")
+    ways.add_argument("--again", action="store_true", help="do not use earlier runs")
     judged = commands.add_parser("score", help="run the product on the cases and print the table")
     judged.add_argument("-d", "--directory", required=True, metavar="DIR")
     judged.add_argument("--answerer", choices=("product", *answerers.NAMES), default="product")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from tools.blind.around import AROUND, UNLISTED
 from tools.blind.campaign import Rows
 from tools.blind.chain import JOINTS, SCREWS, Array, G, Geometry, Poses, embed, sweep, torques
 from tools.blind.effects import LIBRARY, Kind, small_turn, some
@@ -295,27 +296,31 @@ OUTSIDE: dict[str, Kind] = {
         _draw_fixture,
         _fixture_give,
         loads=True,
-        own_names=("fixture_compliance", "workpiece_compliance"),
+        own_names=("fixture_give", "fixture_compliance", "workpiece_compliance"),
         classes=("load",),
     ),
     "sensor_scale": Kind(
         _draw_scale,
         _sensor_scale,
-        own_names=("measurement_scale", "sensor_scale", "scale"),
+        own_names=("measuring_scale", "sensor_scale", "scale"),
         classes=("place",),
     ),
     "hose_pull": Kind(
         _draw_hose,
         _hose_pull,
-        own_names=("hose", "cable_force", "hose_pull"),
+        own_names=("outside_pull", "hose", "cable_force", "hose_pull"),
         classes=("joint", "place", "orientation"),
     ),
 }
 
 
+BEYOND = OUTSIDE | AROUND | UNLISTED
+"""Every cause that the contract does not name."""
+
+
 def kind_of(name: str) -> Kind:
-    """Return the kind of an effect of either table."""
-    return LIBRARY[name] if name in LIBRARY else OUTSIDE[name]
+    """Return the kind of an effect of any table."""
+    return LIBRARY[name] if name in LIBRARY else BEYOND[name]
 
 
 def make(name: str, rng: np.random.Generator, robot: RobotClass, rows: Rows) -> Hidden:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -10,6 +10,13 @@ from tools.blind.chain import Array, Geometry, embed, rotation, solve_pose, swee
 from tools.blind.robots import RobotClass
 
 DESIGNS = ("wide_loads", "wide_noload", "patch", "grid")
+MARKS = {
+    "tool_no": np.arange(1.0, 4.0),
+    "fixture": np.arange(1.0, 4.0),
+    "pressure_bar": np.array([5.5, 6.2]),
+    "e1_mm": np.linspace(0.0, 4000.0, 9),
+}
+"""Columns logged beside the usual ones, and their values."""
 
 
 @dataclass(frozen=True)
@@ -20,6 +27,7 @@ class Rows:
         q: (n, 6) [rad]; force: (n, 3) on the tool point, axes of the root [N].
         time: (n,) [s]; temp: (n,) [degC]; direction: (n, 6); qd: (n, 6) [rad/s]; dwell: (n,) [s].
         pose: (n,) number of the pose; start_temp: of the day the robot was set up [degC].
+        marks: further logged columns (n,) by name.
     """
 
     q: Array
@@ -31,11 +39,13 @@ class Rows:
     dwell: Array
     pose: Array
     start_temp: float
+    marks: dict[str, Array] = field(default_factory=dict)
 
     def take(self, index: Array) -> Rows:
         """Return some rows, in the order of ``index``."""
         names = ("q", "force", "time", "temp", "direction", "qd", "dwell", "pose")
-        return replace(self, **{name: getattr(self, name)[index] for name in names})
+        marks = {name: values[index] for name, values in self.marks.items()}
+        return replace(self, **{name: getattr(self, name)[index] for name in names}, marks=marks)
 
 
 @dataclass(frozen=True)
@@ -47,7 +57,7 @@ class Plan:
         level: share of the robot's largest load; moving: share of rows read in motion.
         repeats: rows measured again; both_sides: every pose is approached from both sides.
         warming: rise of the arm's temperature [K]; slow: its time constant [s].
-        pace: time per row against the usual half minute.
+        pace: time per row against the usual half minute; marks: names of ``MARKS``.
     """
 
     design: str
@@ -60,6 +70,7 @@ class Plan:
     warming: float
     slow: float = 3000.0
     pace: float = 1.0
+    marks: tuple[str, ...] = ()
 
 
 def drive(
@@ -90,7 +101,8 @@ def drive(
     )
     rows = rows.take(_order(plan, fresh, rng))
     count = len(rows.q)
-    return replace(rows, time=time[:count], temp=temp[:count])
+    marks = {name: rng.choice(MARKS[name], count) for name in plan.marks}
+    return replace(rows, time=time[:count], temp=temp[:count], marks=marks)
 
 
 def _order(plan: Plan, fresh: int, rng: np.random.Generator) -> Array:

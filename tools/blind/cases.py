@@ -8,66 +8,20 @@ rigid motion of the measured frame and another reflector place imitate does not 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
-from tools.blind.beyond import OUTSIDE, kind_of, make
-from tools.blind.campaign import DESIGNS, Plan, Rows, drive
-from tools.blind.chain import JOINTS, Array, Geometry, columns, embed, sweep
-from tools.blind.effects import LIBRARY, place_reflector
-from tools.blind.robots import CLASSES, RobotClass
+from tools.blind.beyond import BEYOND, OUTSIDE, kind_of, make
+from tools.blind.campaign import DESIGNS, Plan, drive
+from tools.blind.case import Case, Entry, Wish
+from tools.blind.effects import LIBRARY, STRONGEST, place_reflector
+from tools.blind.robots import CLASSES
+from tools.blind.sizes import HIDING, contribution, difference, own_part
 from tools.blind.world import Hidden, simulate
 
 CLASS_SHARES = {"none": 0.2, "one": 0.3, "two": 0.2, "three": 0.1, "outside": 0.2}
 COUNTS = {"none": 0, "one": 1, "two": 2, "three": 3, "outside": 0}
-TRUTH_SIGMA, NUISANCE_SIGMA = 3.0, 0.2
-"""An effect above the first is true and to be named; between the two, naming it is no fault."""
-HIDING = {
-    "backlash": ("dir",),
-    "servo_lag": ("qd",),
-    "thermal_drift": ("time_s", "temp_C"),
-    "joint_compliance": ("wrench",),
-}
-"""Columns without which an effect of the library cannot be seen."""
-
-
-@dataclass(frozen=True)
-class Entry:
-    """One hidden effect and why it is there.
-
-    Args:
-        role: "planned"; "background" (geometry and registration errors that any campaign has);
-            "carrier" (the arm gives under the loads); "known" (the given model has it);
-            "setup" (place of the reflector).
-    """
-
-    effect: Hidden
-    role: str
-
-
-@dataclass(frozen=True)
-class Case:
-    """A campaign with its hidden truth; see ``draw``."""
-
-    number: int
-    kind: str
-    robot: RobotClass
-    plan: Plan
-    rows: Rows
-    entries: tuple[Entry, ...]
-    sigma: float
-    outliers: float
-    registered: bool
-    dropped: tuple[str, ...]
-    stiffness: Array | None
-    known: Array | None
-
-    @property
-    def hidden(self) -> list[Hidden]:
-        """Return all effects, whatever their role."""
-        return [entry.effect for entry in self.entries]
 
 
 class _AnotherDrawError(Exception):
@@ -121,16 +75,21 @@ def draw(number: int, kind: str, names: tuple[str, ...], seed: int) -> Case:
     Raises:
         RuntimeError: if no campaign shows the wanted effects.
     """
-    rng = np.random.default_rng([seed, 2, number])
+    return granted(number, Wish(kind, names), np.random.default_rng([seed, 2, number]))
+
+
+def granted(number: int, wish: Wish, rng: np.random.Generator) -> Case:
+    """Return a case as wished; raises as ``draw``."""
     for _ in range(200):
         try:
-            return _attempt(number, kind, names, rng)
+            return _attempt(number, wish, rng)
         except _AnotherDrawError:
             continue
-    raise RuntimeError(f"case {number}: no campaign shows {', '.join(names)}")
+    raise RuntimeError(f"case {number}: no campaign shows {', '.join(wish.names)}")
 
 
-def _attempt(number: int, kind: str, names: tuple[str, ...], rng: np.random.Generator) -> Case:
+def _attempt(number: int, wish: Wish, rng: np.random.Generator) -> Case:
+    kind, names = wish.kind, wish.names
     dropped: tuple[str, ...] = ()
     unseen = names == ("hidden_column",)
     if unseen:
@@ -141,7 +100,8 @@ def _attempt(number: int, kind: str, names: tuple[str, ...], rng: np.random.Gene
     robot = CLASSES[int(rng.choice(3, p=[0.5, 0.25, 0.25] if small else [0.65, 0.35, 0.0]))]
     registered = bool(rng.random() < 0.5) and not any(sort.frames for sort in sorts)
     registered = registered or any(sort.registered for sort in sorts)
-    plan = _plan(names, any(sort.loads for sort in sorts), rng)
+    registered = registered if wish.registered is None else wish.registered
+    plan = _wished(wish, _plan(names, any(sort.loads for sort in sorts), rng), rng)
     if unseen:  # what looks like noise is told from it by rows measured again, not otherwise
         plan = replace(plan, repeats=max(plan.repeats, 20), rows=max(plan.rows, 90))
     rows = drive(robot, plan, rng)
@@ -158,9 +118,10 @@ def _attempt(number: int, kind: str, names: tuple[str, ...], rng: np.random.Gene
         dropped=dropped or _needless(names, rng),
         stiffness=None,
         known=None,
+        form=wish.form,
     )
     case = _with_model(case, names, rng)
-    case = _with_effects(case, names, rng)
+    case = _with_effects(case, names, rng) if wish.sizes is None else _with_sizes(case, wish, rng)
     return _with_background(case, names, rng)
 
 
@@ -188,6 +149,15 @@ def _plan(names: tuple[str, ...], loads: bool, rng: np.random.Generator) -> Plan
         warming=float(rng.uniform(6, 14) if "thermal_drift" in names else rng.uniform(0.5, 8)),
         slow=float(rng.uniform(1800, 5400)),
     )
+
+
+def _wished(wish: Wish, plan: Plan, rng: np.random.Generator) -> Plan:
+    rows = plan.rows if wish.rows is None else int(rng.integers(wish.rows[0], wish.rows[1] + 1))
+    repeats = plan.repeats if wish.repeats is None else wish.repeats
+    plan = replace(plan, rows=rows, repeats=min(repeats, rows // 4), marks=wish.marks)
+    if wish.design is None:
+        return plan
+    return replace(plan, design=wish.design, loads="none" if plan.loads == "none" else "one")
 
 
 def _needless(names: tuple[str, ...], rng: np.random.Generator) -> tuple[str, ...]:
@@ -230,9 +200,25 @@ def _with_effects(case: Case, names: tuple[str, ...], rng: np.random.Generator) 
         if entry.role != "planned":
             continue
         size = contribution(case, entry)
-        part = own_part(case, difference(case, entry)) if entry.effect.name in OUTSIDE else size
+        part = own_part(case, difference(case, entry)) if entry.effect.name in BEYOND else size
         if size < 4.0 * case.sigma or part < 3.5 * case.sigma:
             raise _AnotherDrawError
+    return case
+
+
+def _with_sizes(case: Case, wish: Wish, rng: np.random.Generator) -> Case:
+    """Add the effects at multiples of their usual size, as far as physics lets them."""
+    if case.plan.loads != "none" and case.known is None and "joint_compliance" not in wish.names:
+        case = _with_carrier(case, wish.names, rng)
+    for name, size in zip(wish.names, wish.sizes or (), strict=True):
+        most = kind_of(name).strength[1]
+        factor = size if most == STRONGEST else min(size, most)
+        effect = make(name, rng, case.robot, case.rows).scaled(factor)
+        case = replace(case, entries=(*case.entries, Entry(effect, "planned")))
+    try:
+        simulate(case.robot, case.rows, case.hidden)
+    except ArithmeticError:
+        raise _AnotherDrawError from None
     return case
 
 
@@ -293,91 +279,3 @@ def _grown(case: Case, effect: Hidden, role: str, size: float, free: bool = Fals
         if abs(factor - 1.0) < 0.02:
             break
     return replace(case, entries=(*case.entries, Entry(effect, role)))
-
-
-def difference(case: Case, entry: Entry) -> Array:
-    """Return what an effect adds beside all others (n, 3), registration taken out [m]."""
-    others = [other.effect for other in case.entries if other is not entry]
-    full = simulate(case.robot, case.rows, case.hidden).point
-    moved = full - simulate(case.robot, case.rows, others).point
-    return _without(moved, _frame_columns(case)) if case.registered else moved
-
-
-def contribution(case: Case, entry: Entry) -> float:
-    """Return the rms per axis of what an effect adds [m]."""
-    return float(np.sqrt(np.mean(difference(case, entry) ** 2)))
-
-
-def own_part(case: Case, moved: Array) -> float:
-    """Return the rms per axis that frames, joint offsets and constant give cannot imitate [m]."""
-    poses = sweep(Geometry.of(case.robot.arm, len(case.rows.q)), embed(case.rows.q))
-    J = columns(poses, poses.tool_point(case.robot.tool))
-    basis = [_frame_columns(case), J.reshape(-1, 6)]
-    if case.plan.loads != "none":
-        torque = np.einsum("nij,ni->nj", J, case.rows.force)
-        basis.append((J * torque[:, None, :]).reshape(-1, 6))
-    return float(np.sqrt(np.mean(_without(moved, np.concatenate(basis, axis=1)) ** 2)))
-
-
-def _frame_columns(case: Case) -> Array:
-    """Return the motions (3 n, 9) of a shifted, turned frame and another reflector place."""
-    n = len(case.rows.q)
-    poses = sweep(Geometry.of(case.robot.arm, n), embed(case.rows.q))
-    p = poses.tool_point(case.robot.tool)
-    shift = np.tile(np.eye(3), (n, 1, 1))
-    turn = np.stack([np.cross(np.eye(3)[k], p) for k in range(3)], axis=2)
-    return np.concatenate([shift, turn, poses.flange_turn], axis=2).reshape(-1, 9)
-
-
-def _without(moved: Array, basis: Array) -> Array:
-    scale = np.linalg.norm(basis, axis=0)
-    basis = basis[:, scale > 0] / scale[scale > 0]
-    flat = moved.reshape(-1)
-    solution = np.linalg.lstsq(basis, flat, rcond=1e-10)[0]
-    left: Array = (flat - basis @ solution).reshape(-1, 3)
-    return left
-
-
-def truth(case: Case) -> list[dict[str, Any]]:
-    """Return every effect with its role, size and what naming it is worth, largest first."""
-    found = []
-    for entry in case.entries:
-        if entry.role in ("setup", "known"):
-            continue
-        size = contribution(case, entry) / case.sigma
-        weight = "true" if size >= TRUTH_SIGMA else "nuisance"
-        if size < NUISANCE_SIGMA and entry.role != "planned":
-            weight = "hidden"
-        if case.kind == "none" and weight == "hidden":
-            weight = "nuisance" if size > 0.05 else "hidden"
-        found.append(
-            {
-                "name": entry.effect.name,
-                "role": entry.role,
-                "weight": weight,
-                "outside": entry.effect.name in OUTSIDE or _unseen(case, entry),
-                "size_sigma": round(size, 3),
-                "strength": entry.effect.strength,
-                "parameters": {
-                    k: np.round(v, 12).tolist() for k, v in entry.effect.parameters.items()
-                },
-            }
-        )
-    return sorted(found, key=lambda item: -float(item["size_sigma"]))
-
-
-def _unseen(case: Case, entry: Entry) -> bool:
-    hiding = HIDING.get(entry.effect.name, ())
-    return entry.role == "planned" and bool(hiding) and set(hiding) <= set(case.dropped)
-
-
-def joint_give(case: Case) -> Array:
-    """Return the joints' real compliance (6,) [rad/(N*m)] where it is constant."""
-    give = case.robot.arm.give.copy()
-    for entry in case.entries:
-        if entry.effect.name == "joint_compliance" and entry.role != "known":
-            give = give * entry.effect.strength * entry.effect.parameters["factor"]
-    return give
-
-
-__all__ = ["JOINTS", "Case", "Entry", "draw", "joint_give", "kinds", "truth", "wanted"]

@@ -19,6 +19,8 @@ from tools.blind.world import TOOL_BODY, State
 Draw = Callable[[np.random.Generator, RobotClass, Rows], dict[str, Array]]
 Change = Callable[[State, dict[str, Array], float], None]
 SIDES = np.array([-1.0, 1.0])
+STRONGEST = 5.0
+"""Strength of an effect that nothing but its size on the tool bounds."""
 PRELOAD = 0.45
 """Stretch of the counterbalance spring with the crank across [m]: mostly once per turn of A2."""
 
@@ -35,7 +37,7 @@ class Kind:
 
     draw: Draw
     change: Change
-    strength: tuple[float, float] = (0.15, 5.0)
+    strength: tuple[float, float] = (0.15, STRONGEST)
     needs: tuple[str, ...] = ()
     loads: bool = False
     frames: bool = False

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from tools.blind import names
 
 Record = dict[str, Any]
+THROWN = 0.2
+"""Share of the genuine rows that may be taken for measuring faults."""
 NEAR = 0.75
 """Two effects within this ratio of size are equally "the largest"."""
 
@@ -43,6 +45,7 @@ def judge(answer: Record, record: Record) -> Record:
     }
     marks |= _naming(answer, adopted, twins)
     marks |= _verdict(answer, marks)
+    marks |= _thrown(answer, diagnosis)
     marks |= _numbers(answer, record, diagnosis)
     marks["faults"] = _faults(answer, marks)
     return marks
@@ -86,6 +89,10 @@ def _naming(answer: Record, adopted: list[str], twins: dict[str, set[str]]) -> R
 def _verdict(answer: Record, marks: Record) -> Record:
     """Marks of "no gap" and "unexplained"."""
     kind, said = answer["kind"], marks["verdict"]
+    if kind == "mixed":
+        own = set().union(*(set(names.own_names(t["name"])) for t in names.outside(answer)))
+        calm = said in ("explained", "no_gap") and not own & set(marks["adopted"])
+        return {"false_calm": calm}
     if kind == "none":
         clear = not any(t["weight"] == "true" for t in answer["truth"])
         return {"false_cause": bool(marks["wrong"]) if clear else None}
@@ -111,11 +118,23 @@ def _class_right(answer: Record, marks: Record) -> bool | None:
     return bool(found) and found[0] in wanted
 
 
+def _thrown(answer: Record, diagnosis: Record) -> Record:
+    """Mark whether rows that a real cause moves are called measuring faults."""
+    genuine = set(answer.get("genuine") or ())
+    if not genuine:
+        return {}
+    gone = genuine & set(map(str, diagnosis.get("outliers") or ()))
+    return {"thrown": len(gone) > max(2, THROWN * len(genuine))}
+
+
 def _numbers(answer: Record, record: Record, diagnosis: Record) -> Record:
     """Marks of shrinkage, residual, intervals, noise and place."""
     marks: Record = {"worse_fresh": None, "worse_transfer": None}
-    if not {t["name"] for t in answer["truth"]} & names.STATION:
+    hidden = {t["name"] for t in answer["truth"]}
+    if not hidden & (names.STATION - names.INSTRUMENT):
         marks |= _on_new_rows(answer, record, diagnosis)
+    if hidden & names.INSTRUMENT:
+        marks |= dict.fromkeys(("shrink_error", "shrink_covered"))
     if diagnosis.get("noise_mm") is not None:
         marks["noise_ratio"] = diagnosis["noise_mm"] / answer["noise_mm"]
     return marks | _place(answer, diagnosis) | _parameters(answer, diagnosis)
@@ -136,6 +155,10 @@ def _on_new_rows(answer: Record, record: Record, diagnosis: Record) -> Record:
     marks["worse_fresh"] = _worse(record.get("fresh"))
     marks["worse_transfer"] = _worse(record.get("transfer"))
     marks["transfer_shrink"] = transfer
+    for name in ("fresh", "transfer"):
+        pair = record.get(name) or {}
+        if pair.get("inside"):
+            marks[f"held_{name}"] = pair["held"] / pair["inside"]
     return marks
 
 
@@ -204,6 +227,10 @@ def _faults(answer: Record, marks: Record) -> list[str]:
     hidden = "+".join(t["name"] for t in answer["truth"] if t["role"] == "planned") or "nothing"
     faults = [f"named {name} where {hidden} is hidden" for name in marks["wrong"]]
     faults += [f"missed {name}" for name in marks.get("missed") or []]
+    if marks.get("thrown"):
+        faults.append(f"rows thrown out that {hidden} moves")
+    if marks.get("false_calm"):
+        faults.append(f"calm where {hidden} is hidden")
     if marks.get("false_unexplained"):
         faults.append("unexplained said of library effects")
     if marks.get("said_unexplained") is False:

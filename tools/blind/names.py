@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from tools.blind.beyond import OUTSIDE
+from tools.blind.beyond import BEYOND
 from tools.blind.effects import LIBRARY
 
 COMPANIONS: dict[str, tuple[str, ...]] = {
@@ -21,12 +21,19 @@ COMPANIONS: dict[str, tuple[str, ...]] = {
     "joint_offset": ("base_frame", "tool_frame"),
     "tracker_creep": ("base_frame",),
     "sensor_scale": ("base_frame",),
+    "tool_frames": ("tool_frame",),
+    "pressure_shift": ("tool_frame",),
+    "reflector_creep": ("tool_frame",),
+    "fixture_frames": ("base_frame",),
+    "rail_straightness": ("base_frame",),
+    "rail_angle": ("base_frame",),
+    "rail_scale": ("base_frame",),
 }
 """Names that are no fault beside a hidden effect, and no hit either."""
-STATION = frozenset(
-    {"tracker_creep", "station_bump", "tracker_wander", "encoder_slip", "load_creep"}
-)
-"""Effects of one station or one course of time: new rows have others and are not compared."""
+INSTRUMENT = frozenset({"tracker_creep", "station_bump", "tracker_wander", "reflector_creep"})
+"""Effects of one set-up of the instrument: new rows are measured without, and predicted so."""
+STATION = INSTRUMENT | {"encoder_slip", "load_creep", "crash"}
+"""Effects of one course of time: new rows have others."""
 CONTAINED: dict[str, tuple[str, ...]] = {
     "joint_compliance": ("variable_stiffness", "hardening"),
     "joint_offset": ("link_geometry",),
@@ -37,7 +44,7 @@ CONTAINED: dict[str, tuple[str, ...]] = {
 
 def own_names(hidden: str) -> tuple[str, ...]:
     """Return the names under which a hidden effect may be named."""
-    return OUTSIDE[hidden].own_names if hidden in OUTSIDE else (hidden,)
+    return BEYOND[hidden].own_names if hidden in BEYOND else (hidden,)
 
 
 def rightful(answer: dict[str, Any], weight: str = "true") -> list[dict[str, Any]]:
@@ -47,9 +54,7 @@ def rightful(answer: dict[str, Any], weight: str = "true") -> list[dict[str, Any
 
 def classes(answer: dict[str, Any]) -> set[str]:
     """Return what the gap of the hidden outside effects is a function of."""
-    return set().union(
-        *(OUTSIDE[t["name"]].classes for t in outside(answer) if t["name"] in OUTSIDE)
-    )
+    return set().union(*(BEYOND[t["name"]].classes for t in outside(answer) if t["name"] in BEYOND))
 
 
 def hit_by(answer: dict[str, Any], hidden: str) -> set[str]:
@@ -66,7 +71,7 @@ def hits(answer: dict[str, Any]) -> set[str]:
     names: set[str] = set()
     for t in answer["truth"]:
         if t["outside"]:
-            names |= set(OUTSIDE[t["name"]].own_names) if t["name"] in OUTSIDE else set()
+            names |= set(BEYOND[t["name"]].own_names) if t["name"] in BEYOND else set()
         elif t["weight"] == "true":
             names |= set(own_names(t["name"]))
     return names

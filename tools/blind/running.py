@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import json
+import math
+import re
 import subprocess
 import sys
 import time
@@ -58,14 +60,37 @@ def run_case(case: Path, out: Path, answer: Record) -> Record:
     except json.JSONDecodeError:
         record["diagnosis"] = None
         return record
-    model = out / "model.toml"
-    found = ["--model", str(model)] if model.is_file() else known
+    found = ["--model", str(_arm(out / "model.toml"))] if (out / "model.toml").is_file() else known
     for name in ("fresh", "transfer"):
         rows = case / f"{name}.csv"
         before = _miss(rows, out / f"{name}_before.csv", [*cell, *known, *register])
         after = _miss(rows, out / f"{name}_after.csv", [*cell, *found, *register])
         record[name] = {"before_mm": before, "after_mm": after}
+        record[name] |= _promise(rows, out / f"{name}_after.csv")
     return record
+
+
+def _arm(model: Path) -> Path:
+    """Return a model without the tables of the instrument: new rows are of another set-up."""
+    parts = re.split(r"(?m)^(?=\[)", model.read_text(encoding="utf-8"))
+    path = model.with_name("arm.toml")
+    kept = "".join(part for part in parts if not re.match(r"\[+instrument\b", part))
+    path.write_text(kept, encoding="utf-8")
+    return path
+
+
+def _promise(rows: Path, out: Path) -> Record:
+    """Return how many points lie within their promised radius, of how many inside."""
+    if not out.is_file():
+        return {}
+    measured, held = _points(rows), []
+    with out.open(encoding="utf-8", newline="") as file:
+        for row in csv.DictReader(file):
+            if row.get("inside") != "1":
+                continue
+            expected = [float(row[f"{axis}_mm"]) for axis in "xyz"]
+            held.append(math.dist(expected, measured[row["id"]]) <= float(row["u95_mm"]))
+    return {"held": sum(held), "inside": len(held)}
 
 
 def _call(arguments: list[str]) -> subprocess.CompletedProcess[str]:

@@ -48,7 +48,8 @@ def _quantile(name: str, q: float) -> Callable[[Sequence[Record]], float | None]
 
 
 def _near(marks: Sequence[Record]) -> float | None:
-    return _mean(abs(m["shrink_error"]) <= 0.05 for m in marks if "shrink_error" in m)
+    errors = [m["shrink_error"] for m in marks if m.get("shrink_error") is not None]
+    return _mean(abs(error) <= 0.05 for error in errors)
 
 
 def _single(name: str) -> Callable[[Sequence[Record]], float | None]:

@@ -9,14 +9,19 @@ from typing import Any
 
 import numpy as np
 
+from tools.blind import forms
 from tools.blind.campaign import Plan, Rows, drive
-from tools.blind.cases import Case, draw, joint_give, kinds, truth, wanted
+from tools.blind.case import Case
+from tools.blind.cases import draw, kinds, wanted
 from tools.blind.chain import Array, rotation
 from tools.blind.names import STATION
 from tools.blind.robots import cell_text, model_text, urdf
+from tools.blind.sizes import joint_give, rare, truth
 from tools.blind.world import joint_shares, simulate
 
 FRESH_ROWS = 80
+GAPS = 0.26
+"""Share of temperatures that nobody wrote down, where some are missing."""
 
 
 def generate(folder: Path, count: int, seed: int) -> list[dict[str, Any]]:
@@ -56,7 +61,11 @@ def write_case(folder: Path, case: Case, seed: int) -> dict[str, Any]:
     if case.known is not None:
         (folder / "known.toml").write_text(model_text(case.known), encoding="utf-8")
     faults = _write_rows(folder / "measured.csv", case, case.rows, rng, case.outliers)
-    later = replace(case, entries=tuple(e for e in case.entries if e.effect.name not in STATION))
+    later = replace(
+        case,
+        entries=tuple(e for e in case.entries if e.effect.name not in STATION),
+        form="xyz",
+    )
     for name, plan in (("fresh.csv", _same(case.plan)), ("transfer.csv", _other(case.plan, rng))):
         rows = drive(case.robot, plan, rng, case.rows.start_temp)
         if case.plan.loads != "none":
@@ -96,6 +105,8 @@ def _answer(case: Case, faults: list[str]) -> dict[str, Any]:
         "dropped": list(case.dropped),
         "noise_mm": case.sigma * 1e3,
         "outliers": faults,
+        "genuine": [f"r{k + 1}" for k in rare(case)],
+        "form": case.form,
         "truth": truth(case),
         "joint_share": None if case.registered else np.round(shares, 4).tolist(),
         "joints_explain": None if case.registered else round(by_joints, 4),
@@ -112,21 +123,36 @@ def _write_rows(
     point = outcome.point
     if case.registered:
         point = _seen_by_tracker(point, rng)
-    point = point + rng.normal(0, case.sigma, (n, 3))
+    noise = rng.normal(0, case.sigma, (n, 3))
     faulty = np.flatnonzero(rng.random(n) < outliers)
     way = rng.normal(size=(len(faulty), 3))
     way /= np.linalg.norm(way, axis=1, keepdims=True)
-    point[faulty] += way * np.exp(rng.uniform(np.log(5e-4), np.log(5e-3), (len(faulty), 1)))
+    wrong = way * np.exp(rng.uniform(np.log(5e-4), np.log(5e-3), (len(faulty), 1)))
     names = [f"r{k + 1}" for k in range(n)]
     table: dict[str, list[str]] = {"id": names}
+    if case.form == "plane":
+        noise[faulty] += wrong
+        rows, readings = forms.touch(
+            case.robot.arm,
+            rows,
+            lambda now: simulate(case.robot, now, case.hidden).point + noise,
+            rng,
+        )
+    else:
+        seen = point.copy()
+        seen[faulty] += wrong
+        readings = forms.read(case.form, seen, noise, rng)
     _put(table, [f"q{i}_deg" for i in range(1, 7)], np.rad2deg(rows.q), 7)
-    _put(table, ["x_mm", "y_mm", "z_mm"], point * 1e3, 5)
+    table |= readings
     _put_optional(table, case, rows, rng)
     if not case.registered and case.number % 5 == 0:
         turned = _abc(outcome.poses.flange_turn) + np.rad2deg(rng.normal(0, 1e-4, (n, 3)))
         _put(table, ["a_deg", "b_deg", "c_deg"], turned, 6)
+    if case.form == "gaps" and "temp_C" in table:
+        away = rng.random(n) < GAPS
+        table["temp_C"] = ["" if o else c for c, o in zip(table["temp_C"], away, strict=True)]
     lines = [",".join(table), *(",".join(cells) for cells in zip(*table.values(), strict=True))]
-    if outliers > 0.0 and case.number % 3 == 0:
+    if outliers > 0.0 and case.number % 3 == 0 and case.form in ("xyz", "sigmas"):
         lines = _dirty(lines, rng)
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return [names[k] for k in faulty]
@@ -167,6 +193,8 @@ def _put_optional(
         _put(table, [f"qd{i}_deg_s" for i in range(1, 7)], np.rad2deg(rows.qd), 5)
     if case.plan.loads != "none" and "wrench" not in dropped:
         _put(table, ["fx_N", "fy_N", "fz_N"], rows.force, 3)
+    for name, values in rows.marks.items():
+        table[name] = [f"{value:g}" for value in values]
     if number % 3 == 0:
         table["group"] = [f"p{k}" for k in rows.pose]
     if number % 4 == 0:
@@ -191,6 +219,3 @@ def _abc(R: Array) -> Array:
     a = np.arctan2(R[:, 1, 0], R[:, 0, 0])
     c = np.arctan2(R[:, 2, 1], R[:, 2, 2])
     return np.rad2deg(np.stack([a, b, c], axis=1))
-
-
-__all__ = ["draw", "generate", "write_case"]
