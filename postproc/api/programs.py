@@ -67,6 +67,7 @@ def read(
     columns: str | None = None,
     cycle_words: str | None = None,
     feed_units: str | None = None,
+    arc_sense: str | None = None,
     task: str | None = None,
     accept_words: Sequence[str] | str = (),
     recover: bool = False,
@@ -86,6 +87,7 @@ def read(
         columns: columns of a CSV, such as ``id,x,y,z,i,j,k,-,depth``.
         cycle_words: meaning of the numbers of a positional drill cycle: ``depth,clearance,feed``.
         feed_units: ``mm`` or ``inch`` per minute where FEDRAT and UNITS contradict each other.
+        arc_sense: ``ccw`` or ``cw`` about their vector, for arcs whose records leave it open.
         task: DELMIA task to read instead of all that no other one calls.
         accept_words: words of the file that are harmless, besides those that the cell accepts; a
             text has commas between.
@@ -107,6 +109,7 @@ def read(
         columns=columns,
         cycle_words=cycle_words,
         feed_units=feed_units,
+        arc_sense=arc_sense,
         task=task,
         accept_words=accept_words if isinstance(accept_words, str) else tuple(accept_words),
         recover=recover,

@@ -375,6 +375,7 @@ class Reading:
     columns: str | None = None
     cycle_words: str | None = None
     feed_units: str | None = None
+    arc_sense: str | None = None
     task: str | None = None
     accept_words: tuple[str, ...] = ()
 

@@ -194,8 +194,8 @@ def _coloured(line: str, severity: str) -> str:
 
 
 READING = (
-    "format", "dialect", "units", "columns", "task", "cycle_words", "feed_units", "accept_words",
-    "recover",
+    "format", "dialect", "units", "columns", "task", "cycle_words", "feed_units", "arc_sense",
+    "accept_words", "recover",
 )  # fmt: skip
 """Options that say how a CAM file is to be read, alike in all commands that read one."""
 
@@ -232,6 +232,11 @@ def reading_options(function: Callable[P, R]) -> Callable[P, R]:
             "--feed-units",
             type=click.Choice(["mm", "inch"]),
             help="Feeds are of these a minute where the CAM file's FEDRAT and UNITS contradict.",
+        ),
+        click.option(
+            "--arc-sense",
+            type=click.Choice(["ccw", "cw"]),
+            help="Way of arcs about their vector where the CAM file leaves it open.",
         ),
         click.option(
             "--accept-words",

@@ -68,6 +68,7 @@ class ConvertRequest:
     task: str | None = None
     cycle_words: str | None = None
     feed_units: str | None = None
+    arc_sense: str | None = None
     accept_words: tuple[str, ...] | str = ()
     """Words of the CAM file that are harmless, besides those of the cell."""
     recover: bool = False
@@ -189,6 +190,7 @@ def read_toolpath(request: ConvertRequest, cell: Cell) -> ToolPath:
         recover=request.recover,
         cycle_words=request.cycle_words or habits.cycle_words,
         feed_units=request.feed_units or habits.feed_units,
+        arc_sense=request.arc_sense or habits.arc_sense,
         accept_words=(*habits.accept_words, *given),
         tool_axis=tuple(float(v) for v in _known_axis(cell)),
         surface_normals=_surface_normals(cell),

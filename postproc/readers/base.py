@@ -23,6 +23,8 @@ from postproc.units import INCH, MM
 
 LENGTH_UNITS = {"mm": MM, "inch": INCH, "m": 1.0}
 """Metres per unit of length, by the names that ``--units`` takes."""
+ARC_SENSES = {"ccw": 1, "cw": -1}
+"""About the written vector, by the names that ``--arc-sense`` takes."""
 CYCLE_WORDS = (
     "depth", "clearance", "retract", "peck", "peck_first", "dwell", "feed", "shift", "-",
 )  # fmt: skip
@@ -63,6 +65,8 @@ class ReadOptions:
             ``CATIA_WORDS``.
         feed_units: ``mm`` or ``inch`` per minute for feeds whose unit contradicts that of the
             file; None: such a file is asked back.
+        arc_sense: ``ccw`` or ``cw`` about the written vector, for arcs whose record and end leave
+            both ways open; None: as the rest of the file shows.
         task: DELMIA task to read; None: every task that no other one calls, in file order.
         accept_words: words that the user knows to be harmless; a text has commas between. What the
             reader refuses of them becomes a note.
@@ -78,6 +82,7 @@ class ReadOptions:
     chord_tolerance: float = 1e-5
     cycle_words: tuple[str, ...] | str | None = None
     feed_units: str | None = None
+    arc_sense: str | None = None
     task: str | None = None
     accept_words: tuple[str, ...] | str = ()
 
@@ -92,6 +97,8 @@ class ReadOptions:
             raise UsageError("IO020", f"no unit of length {self.units!r}, known are {known}")
         if self.feed_units not in (None, "mm", "inch"):
             raise UsageError("IO020", f"no unit of feed {self.feed_units!r}, known are mm, inch")
+        if self.arc_sense not in (None, *ARC_SENSES):
+            raise UsageError("IO020", f"no sense of arcs {self.arc_sense!r}, known are ccw, cw")
         wrong = [word for word in self.cycle_numbers if word not in CYCLE_WORDS]
         if wrong:
             known = ", ".join(CYCLE_WORDS)

@@ -240,6 +240,38 @@ def test_no_arc_goes_against_the_cuts_beside_it(corpus):
     assert against == 0
 
 
+def as_movarc(toolpath):
+    """Return the motions of a file as a post writes them that turns vectors over."""
+
+    def text(values):
+        return ", ".join(f"{value:.6f}" for value in np.ravel(values))
+
+    lines = ["UNITS/MM", "FEDRAT/500,MMPM"]
+    for tag, point in enumerate(1e3 * toolpath.points):
+        kind = toolpath.kind[tag]
+        if kind == MotionKind.ARC:
+            row, arcs = toolpath.arc[tag], toolpath.arcs
+            numbers = text([1e3 * arcs.centre[row], arcs.normal[row]])
+            radius, sweep = 1e3 * arcs.radius[row], np.degrees(arcs.sweep[row])
+            lines.append(f"MOVARC/{numbers}, {text(radius)}, ANGLE, {text(sweep)}")
+        lines += ["RAPID"] * int(kind == MotionKind.RAPID) + [f"GOTO/{text(point)}"]
+    return "\n".join([*lines, "FINI\n"])
+
+
+def test_no_real_half_turn_is_asked_back(corpus, read_text):
+    """Every arc of every file, written as MOVARC: none stops, and each goes as it did."""
+    halves = stops = 0
+    for path in sorted((corpus / "apt").iterdir()):
+        toolpath = read(path)
+        again = read_text(as_movarc(toolpath))
+        stops += sum(use.refused for use in again.word_uses)
+        np.testing.assert_allclose(again.arcs.sweep, toolpath.arcs.sweep, atol=1e-3)
+        normals = np.einsum("ni,ni->n", again.arcs.normal, toolpath.arcs.normal)
+        assert (normals > 0.999).all(), path.name
+        halves += int(np.isclose(toolpath.arcs.sweep % np.pi, 0.0, atol=1e-4).sum())
+    assert (halves, stops) == (168, 0)
+
+
 def test_helices_slope_by_the_round_angles_that_were_asked_for(corpus):
     """Ramp angles are set by people: 0.4 and 2 degrees come out only if TIMES,n is read right."""
     slopes = []

@@ -90,7 +90,7 @@ FORMS = [
     ("CUTCOM/ON,RIGHT,5.", "CUTCOM", "tool", True),
     ("CUTCOM/ON,LENGTH,3", "CUTCOM/LENGTH", "tool", True),
     ("CUTCOM/ADJUST,2", "CUTCOM/ADJUST", "coordinates", True),
-    ("INSERT/M98 P100", "INSERT", "process", False),
+    ("INSERT/; G1", "INSERT", "process", False),
 ]
 
 
@@ -105,6 +105,23 @@ def test_forms_of_a_word(read_text, statement, word, word_class, refused):
 )
 def test_forms_that_change_nothing(read_text, statement):
     assert read_text(f"{HEAD}{statement}\nGOTO/4,5,6\nFINI\n").word_uses == ()
+
+
+def test_insert_is_code_if_it_begins_as_a_block(read_text):
+    """A letter that commands, then a digit, perhaps behind a block number; all else is text."""
+    heads = ("", "N10 ", "n5", "N 10  ", "/", "'", "/N7 ")
+    code = [f"{head}{letter}{blank}68.2 X0"
+            for head in heads for letter in "GMTSF#gmtsf" for blank in ("", " ")]  # fmt: skip
+    text = [f"{head}{word} 40." for head in ("", "N10 ", "[", "(")
+            for word in ("Stock Size X40. Y267.", "GROOVE 3", "TSLOT8", "SPOT 90", "FACE MILL",
+                         "6G8 REAMER", "[HOLDER=G2-5ERP]", "90DEG", "X0", "#A1")]  # fmt: skip
+    for statement in ("INSERT/{}", "INSERT {}", "insert / {}"):
+        for words, expected in ((code, ["INSERT"]), (text, [])):
+            for word in words:
+                toolpath = read_text(f"{HEAD}{statement.format(word)}\nGOTO/4,5,6\nFINI\n")
+                assert [use.word for use in toolpath.word_uses if use.refused] == expected, word
+    (use,) = read_text(f"{HEAD}INSERT/G68.2\nGOTO/4,5,6\nFINI\n", accept_words="INSERT").word_uses
+    assert not use.refused
 
 
 def test_what_says_that_the_points_are_the_tool_centre(read_text):

@@ -31,6 +31,11 @@ class ImportTable(Table):
     feed_units: Literal["mm", "inch"] | None = Field(
         default=None, description="per minute, where FEDRAT and UNITS of a CAM file contradict"
     )
+    arc_sense: Literal["ccw", "cw"] | None = Field(
+        default=None,
+        description="way of arcs about their vector where their records leave it open, as half "
+        "turns do; default: as the rest of the file shows",
+    )
     task: Text | None = Field(
         default=None, description="DELMIA task to read instead of all that no other one calls"
     )

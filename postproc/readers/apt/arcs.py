@@ -22,8 +22,8 @@ RADIUS_GAP = 0.02 * MM
 """How far [m] the radii at start, at end and as written may differ, plus 1e-4 of the radius."""
 _RELATIVE_GAP = 1e-4
 TURN = 2.0 * np.pi
-_SAME_GAP = 1e-3 * MM
-"""Two senses that miss the end point by distances so alike [m] cannot be told apart by it."""
+_SHORT = 0.25 * TURN
+"""A shorter sweep [rad] goes where it meets its end better, however near the other way comes."""
 _TANGENT_COSINE = 0.999
 """Cosine of 2.6 degrees: closer than this two directions count as tangent."""
 
@@ -53,29 +53,20 @@ class ArcRecords(Table):
     @classmethod
     def joined(cls, parts: list[ArcRecords]) -> ArcRecords:
         """Return all parts as one."""
-        empty = cls(
-            np.zeros(0, dtype=np.int32),
-            np.zeros(0, dtype=np.int32),
-            np.zeros((0, 3)),
-            np.zeros((0, 3)),
-            np.zeros((0, 3)),
-            np.zeros(0),
-            np.zeros(0, dtype=np.int32),
-            np.zeros(0),
-            np.zeros(0),
-            np.zeros(0, dtype=np.bool_),
-        )
+        tag, number, vector = np.zeros(0, dtype=np.int32), np.zeros(0), np.zeros((0, 3))
+        free = np.zeros(0, dtype=np.bool_)
+        empty = cls(tag, tag, vector, vector, vector, number, tag, number, number, free)
         return cls.concat([empty, *parts])
 
 
 def arcs_between(
     records: ArcRecords, starts: FloatArray, ends: FloatArray, faults: Faults
-) -> tuple[Arcs, BoolArray]:
+) -> tuple[Arcs, IntArray]:
     """Return the arcs of the model, normals turned so that every motion is counterclockwise.
 
     Where the record leaves the sense open, the start is turned by the written sweep both ways: one
     of them meets the end. If both do, as half turns and full circles do, the arc goes
-    counterclockwise about the written vector, clockwise where the sweep is negative, and is marked.
+    counterclockwise about the written vector, or as the sign of a negative sweep says.
 
     Args:
         records: m arcs as read.
@@ -84,7 +75,8 @@ def arcs_between(
         faults: for the errors.
 
     Returns:
-        the arcs, and (m,) which of them may as well go the other way.
+        the arcs, and (m,) how the end shows that each turns about the written vector: as its
+        sweep says, 1, against it, -1, or not at all, 0.
 
     Raises:
         ReadError: APT036 without a start point, APT037 for a zero vector or radius, APT038 if
@@ -101,8 +93,8 @@ def arcs_between(
     to_end = _in_plane(ends - records.centre, normal)
     radius = _checked_radius(records, to_start, to_end, faults)
     _check_rise(records, np.einsum("ni,ni->n", ends - starts, normal), faults)
-    backwards, either = _senses(records, to_start, to_end, normal, faults)
-    normal[backwards] *= -1.0
+    closes = _closing(records, to_start, to_end, normal, faults)
+    normal[records.free & ((closes < 0) ^ (records.sweep < 0.0))] *= -1.0
     angle = angle_about(normal, to_start, to_end)
     closed = np.linalg.norm(to_end - to_start, axis=1) <= FULL_CIRCLE_GAP
     sweep = np.where(closed, TURN, angle) + TURN * np.maximum(records.turns - 1, 0)
@@ -110,38 +102,40 @@ def arcs_between(
     said = np.abs(records.sweep[written])
     whole = angle[written] + TURN * np.rint((said - angle[written]) / TURN)
     sweep[written] = np.where(whole > 0.0, whole, said)
-    return Arcs(records.centre, normal + 0.0, radius, sweep), either
+    return Arcs(records.centre, normal + 0.0, radius, sweep), closes
 
 
-def _senses(
+def _closing(
     records: ArcRecords,
     to_start: FloatArray,
     to_end: FloatArray,
     normal: FloatArray,
     faults: Faults,
-) -> tuple[BoolArray, BoolArray]:
-    """Return which arcs (m,) go clockwise about the written vector, and which may go either way."""
+) -> IntArray:
+    """Return whether the end of each arc (m,) is met by its sweep, 1, against it, -1, or both, 0.
+
+    Both stay open where they meet it within the accuracy of files, and no sign of the sweep tells.
+    """
     across = np.cross(normal, to_start)
-    sweep = np.abs(records.sweep)[:, None]
+    sweep = np.where(records.free, records.sweep, np.abs(records.sweep))[:, None]
     cosine, sine = np.cos(sweep), np.sin(sweep)
     forth = np.linalg.norm(cosine * to_start + sine * across - to_end, axis=1)
     back = np.linalg.norm(cosine * to_start - sine * across - to_end, axis=1)
     back[~records.free] = np.inf
-    gap = np.minimum(forth, back)
-    bad = np.flatnonzero(gap > RADIUS_GAP + _RELATIVE_GAP * np.linalg.norm(to_end, axis=1))
+    allowed = RADIUS_GAP + _RELATIVE_GAP * np.linalg.norm(to_end, axis=1)
+    bad = np.flatnonzero(np.minimum(forth, back) > allowed)
     if len(bad):
         i = int(bad[0])
         angle = np.degrees(angle_about(normal, to_start, to_end)[i])
         raise faults.error(
             "APT085",
             f"an arc of {np.degrees(records.sweep[i]):.4f} deg does not lead from its start to its "
-            f"end, which lie {angle:.4f} deg apart: it misses by {gap[i] / MM:.4f} mm",
+            f"end, which lie {angle:.4f} deg apart: it misses by "
+            f"{min(forth[i], back[i]) / MM:.4f} mm",
             int(records.line[i]),
         )
-    with np.errstate(invalid="ignore"):
-        either = records.free & ~(np.abs(forth - back) > _SAME_GAP)
-        backwards = np.where(either, records.sweep < 0.0, back < forth)
-        return records.free & backwards, either
+    open_ends = ~(np.maximum(forth, back) > allowed) & ~(records.sweep < _SHORT)
+    return np.where(open_ends, 0, np.where(back < forth, -1, 1)).astype(np.int32)
 
 
 def _check_rise(records: ArcRecords, rise: FloatArray, faults: Faults) -> None:

@@ -108,7 +108,8 @@ class Dialect:
     tilt. ``feed_cancels_rapid``: a FEDRAT between RAPID and GOTO. ``blank_separates``: a blank may
     stand for a comma. ``axis_reset``: words at which the tool axis falls back to (0, 0, 1);
     ``off_is_upright``: so does MULTAX/OFF, which begins an operation along z (Autodesk's public
-    post writes it so); else it keeps the last axis.
+    post writes it so); else it keeps the last axis. ``turned_vectors``: a MOVARC turns
+    counterclockwise about its vector, half a turn too.
     """
 
     name: str
@@ -127,3 +128,4 @@ class Dialect:
     feed_cancels_rapid: bool = False
     blank_separates: bool = False
     axis_reset: frozenset[str] = frozenset()
+    turned_vectors: bool = False

@@ -14,9 +14,10 @@ from postproc.readers.apt.dialect import ArcSense
 from postproc.readers.apt.feed import settle_turn_feed
 from postproc.readers.apt.levels import settle_levels
 from postproc.readers.apt.nurbs import MOST_SEGMENTS, discretised
-from postproc.readers.apt.senses import report_senses, settled_senses
+from postproc.readers.apt.senses import Around, settled_senses
 from postproc.readers.apt.state import AptState, Columns
 from postproc.readers.apt.turns import check_resumed, check_standing, settle_turns
+from postproc.readers.base import ARC_SENSES
 from postproc.records import dataclass
 
 _NONE = -1
@@ -169,16 +170,17 @@ def _arcs(state: AptState, table: _Tags, records: ArcRecords) -> Arcs:
     if state.start is not None:
         starts[~later] = state.start
     ends = table.points[records.tag]
-    arcs, either = arcs_between(records, starts, ends, state.faults)
-    open_sense = state.dialect.arc_sense in (ArcSense.WORD, ArcSense.OPEN)
-    if not (either.any() or open_sense):
-        return arcs
+    arcs, closes = arcs_between(records, starts, ends, state.faults)
     cuts = straight_neighbours(table.points, table.kind, records.tag)
-    if either.any():
-        arcs, sense = settled_senses(arcs, either, records.tag, (starts, ends), cuts)
+    if (records.free & (closes == 0)).any():
+        joined = np.diff(records.tag, prepend=-1) == 1
+        joined[:1] = False
         own_end = table.line[records.tag] == records.line
-        report_senses(arcs, sense, records, own_end, state.faults, state.uses)
-    if open_sense:
+        around = Around((starts, ends), cuts, joined, own_end)
+        user = ARC_SENSES[state.options.arc_sense] if state.options.arc_sense else 0
+        told = (user or int(state.dialect.turned_vectors), user)
+        arcs = settled_senses(arcs, closes, records, around, told, state.faults, state.uses)
+    if state.dialect.arc_sense in (ArcSense.WORD, ArcSense.OPEN):
         against = tangency(arcs, starts, ends, *cuts).sum(axis=1) == -2
         for row in np.flatnonzero(against).tolist():
             state.faults.warn(

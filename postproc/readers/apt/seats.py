@@ -7,6 +7,7 @@ seats are declared from their posts and manuals.
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 from postproc.errors import UsageError
 from postproc.readers.apt.dialect import (
@@ -168,6 +169,16 @@ DIALECTS = {
     )
 }
 """All dialects by name; ``apt`` is the plain language, used where no mark of a system is found."""
+_TURNED_VECTORS = tuple(
+    mark
+    for mark, _ in _marks(
+        (rb"^[ \t]*MODE" + _SLASH + rb"[ \t]*(MILL|TURN)", 1.0),
+        (rb"^[ \t]*PARTNO" + _SLASH + rb"[ \t]*'", 1.0),
+        (rb"^[ \t]*MOVARC" + _SLASH + rb"([^\n]*,)?[ \t]*-?\d+\.0*[ \t]*,[^\n]*ANGLE", 1.0),
+    )
+)
+"""Marks of Autodesk's post of 2019 and later: it writes whole numbers with their point, those of
+2011 without, and turns the vector of a clockwise arc over, which those do not."""
 
 
 def dialect_of(head: bytes, forced: str | None) -> Dialect:
@@ -176,15 +187,16 @@ def dialect_of(head: bytes, forced: str | None) -> Dialect:
     Raises:
         UsageError: APT090 if the dialect asked for is unknown.
     """
+    turned = all(mark.search(head) for mark in _TURNED_VECTORS)
     if forced is not None:
         if forced not in DIALECTS:
             known = ", ".join(sorted(DIALECTS))
             raise UsageError("APT090", f"no APT dialect {forced!r}, known are {known}")
-        return DIALECTS[forced]
+        return replace(DIALECTS[forced], turned_vectors=turned)
     best = DIALECTS["apt"]
     best_score = 0.9
     for dialect in DIALECTS.values():
         score = sum(weight for mark, weight in dialect.marks if mark.search(head))
         if score > best_score:
             best, best_score = dialect, score
-    return best
+    return replace(best, turned_vectors=turned)

@@ -1,6 +1,13 @@
-"""Which way an arc goes whose record and end point leave both ways open."""
+"""Which way an arc goes whose record and end point leave both ways open.
+
+What stands in a file is one writer's: another arc of it, no half turn, that can only go one way
+shows how its records are meant. A tangent neighbour proves nothing of a half turn: cusps between
+half turns, as of scallops and keyholes, are real.
+"""
 
 from __future__ import annotations
+
+from math import nan
 
 import numpy as np
 
@@ -9,95 +16,105 @@ from postproc.model import Arcs, WordClass
 from postproc.readers.apt.arcs import TURN, ArcRecords, other_way, tangency
 from postproc.readers.apt.uses import WordUses
 from postproc.readers.text import Faults
+from postproc.records import dataclass
 
-_WHOLE = 1e-9
-"""Turns."""
+_HALF = 1e-4
+"""An arc this near to half turns or full ones [turns] can go either way."""
+_HINT = "--arc-sense ccw or --arc-sense cw tells it, or [import] arc_sense in the cell"
+
+
+@dataclass(frozen=True, slots=True)
+class Around:
+    """What lies at the two ends of m arcs.
+
+    ``ends``: start and end points, (m, 3) each; ``cuts``: directions of the straight cuts before
+    and after, (m, 3) each, NaN if none; ``joined`` (m,) whether it goes on from the arc before;
+    ``own_end`` (m,) whether its record gives its own end, as ARC does.
+    """
+
+    ends: tuple[FloatArray, FloatArray]
+    cuts: tuple[FloatArray, FloatArray]
+    joined: BoolArray
+    own_end: BoolArray
+
+    def goes_on(self, arcs: Arcs, known: BoolArray | bool) -> IntArray:
+        """Return as ``tangency`` (m, 2) how arcs go with cuts and ``known`` (m,) arcs beside."""
+        known = np.broadcast_to(known, len(arcs))
+        sides = []
+        for at, cut, step in zip(self.ends[::-1], self.cuts, (1, -1), strict=True):
+            beside = np.roll(np.cross(arcs.normal, at - arcs.centre), step, axis=0)
+            is_arc = self.joined if step > 0 else np.roll(self.joined, -1)
+            is_known = np.roll(known, step)[:, None]
+            sides.append(np.where(is_arc[:, None], np.where(is_known, beside, nan), cut))
+        return tangency(arcs, *self.ends, sides[0], sides[1])
 
 
 def settled_senses(
     arcs: Arcs,
-    either: BoolArray,
-    tags: IntArray,
-    ends: tuple[FloatArray, FloatArray],
-    cuts: tuple[FloatArray, FloatArray],
-) -> tuple[Arcs, IntArray]:
-    """Return the arcs with those turned round that would go back on themselves.
-
-    A neighbour that is tangent decides, a straight cut or an arc of known sense.
-
-    Args:
-        arcs: m arcs, those that are open as most systems mean them.
-        either: (m,) which of them are open.
-        tags: (m,) index of the tag each ends at, rising.
-        ends: start and end points, (m, 3) each.
-        cuts: directions of the straight cuts before and after, (m, 3) each, NaN if none.
-
-    Returns:
-        the arcs, and (m,) what the neighbours of each say: 1 as it was, -1 the other way, 0 for an
-        open one nothing; 1 for those that were not open.
-    """
-    m = len(arcs)
-    row = np.arange(m)
-    joins = np.diff(tags) == 1
-    left = np.where(np.append(False, joins), row - 1, m)
-    right = np.where(np.append(joins, False), row + 1, m)
-    leaving, arriving = (np.cross(arcs.normal, at - arcs.centre) for at in ends)
-    before = np.where((left < m)[:, None], np.roll(arriving, 1, axis=0), cuts[0])
-    after = np.where((right < m)[:, None], np.roll(leaving, -1, axis=0), cuts[1])
-    goes_on = tangency(arcs, *ends, before, after)
-    sense = np.append(np.where(either, 0, 1), 1)
-    rows = np.flatnonzero(either)
-    while len(rows):
-        score = goes_on[rows, 0] * sense[left[rows]] + goes_on[rows, 1] * sense[right[rows]]
-        decided = rows[score != 0]
-        sense[decided] = np.sign(score[score != 0])
-        rows = np.unique(np.concatenate([left[decided], right[decided]]))
-        rows = rows[sense[rows] == 0]
-    return other_way(arcs, sense[:m] < 0), sense[:m]
-
-
-def report_senses(
-    arcs: Arcs,
-    sense: IntArray,
+    closes: IntArray,
     records: ArcRecords,
-    own_end: BoolArray,
+    around: Around,
+    told: tuple[int, int],
     faults: Faults,
     uses: WordUses,
-) -> None:
-    """Say which arcs were turned round, and ask back what nothing decides.
+) -> Arcs:
+    """Return the arcs with those turned round that the file means the other way.
 
-    ARC, whose sense is that of its points, is asked back. Any other goes as most systems mean it,
-    which is a warning.
+    What nothing proves goes counterclockwise about the written vector: with a warning where nothing
+    lies beside it, and it is asked back where it would go back on what does.
 
     Args:
-        arcs: m arcs as they are driven.
-        sense: (m,) what ``settled_senses`` found.
+        arcs: m arcs, open ones counterclockwise about the written vector.
+        closes: (m,) what the end of each shows.
         records: as read.
-        own_end: (m,) which records give their own end: ARC.
+        around: what lies beside them.
+        told: sense of the arcs with a sweep and of those without as user or writer tell it, else 0.
         faults: for the warnings.
         uses: for the records that are asked back.
     """
-    unswept = np.isnan(records.sweep)
-    whole = np.abs(arcs.sweep / TURN - np.rint(arcs.sweep / TURN)) < _WHOLE
-    for row in np.flatnonzero(sense == 0).tolist():
+    swept = ~np.isnan(records.sweep)
+    straight = around.goes_on(arcs, known=False).sum(axis=1)
+    halves = 2.0 * arcs.sweep / TURN
+    half = np.abs(halves - np.rint(halves)) < _HALF
+    shown = np.where(swept, closes, np.where(half, 0, np.sign(straight)))
+    by_ends = max(_proven(shown[records.free & swept]), 0)
+    by_cuts = _proven(shown[records.free & ~swept])
+    sense = np.where(swept, told[0] or by_ends, told[1] or by_cuts)
+    is_open = records.free & (closes == 0)
+    arcs = other_way(arcs, is_open & (sense < 0))
+    is_told = np.where(swept, *told) != 0
+    settled = is_told | ((sense != 0) & (half | swept))
+    against = ~settled & (around.goes_on(arcs, known=True) < 0).any(axis=1)
+    alone = (sense == 0) & (around.goes_on(arcs, ~is_open) == 0).all(axis=1)
+    for row in np.flatnonzero(is_open).tolist():
         line = int(records.line[row])
-        if own_end[row] and unswept[row] and not whole[row]:
+        word = "MOVARC" if swept[row] else "ARC" if around.own_end[row] else "CIRCLE"
+        if against[row] or (alone[row] and word == "ARC"):
+            why = ", and so it goes back on what lies beside it" if against[row] else ""
             uses.refuse(
-                "ARC", WordClass.GEOMETRY, line,
+                word, WordClass.GEOMETRY, line,
                 "its sense is not in the record: counterclockwise (read so) or clockwise about its "
-                "vector", "--dialect NAME of the system that wrote the file",
+                f"vector{why}", _HINT,
             )  # fmt: skip
-        else:
+        elif alone[row]:
             faults.warn(
                 "APT133",
                 "both senses of an arc meet its end and no tangent neighbour tells which; it goes "
                 "counterclockwise about the written vector",
                 line,
             )
-    for row in np.flatnonzero((sense < 0) & unswept).tolist():
-        faults.warn(
-            "APT134",
-            "an arc without a sense in its record goes clockwise about its vector, as what lies "
-            "beside it is tangent; most systems mean counterclockwise",
-            int(records.line[row]),
-        )
+        elif sense[row] < 0 and not is_told[row]:
+            faults.warn(
+                "APT134",
+                "an arc without a sense in its record goes clockwise about its vector, as arcs of "
+                "this file are tangent to what lies beside them; most systems mean "
+                "counterclockwise",
+                line,
+            )
+    return arcs
+
+
+def _proven(shown: IntArray) -> int:
+    """Return the one sense that arcs (k,) of a file show, 0 where none or several do."""
+    said = np.unique(shown[shown != 0])
+    return int(said[0]) if len(said) == 1 else 0

@@ -18,6 +18,7 @@ from postproc.readers.apt import nurbs as apt_nurbs
 from postproc.readers.apt.refused import refuse, unhandled
 from postproc.readers.apt.state import AptState, EventRecord
 from postproc.readers.apt.statement import FREE_TEXT, Statement, bounded
+from postproc.readers.text import shortened
 
 Handler = Callable[[AptState, Statement, int], None]
 _NX_CENTRE = "CENTERLINE DATA"
@@ -46,7 +47,8 @@ _NO_NAMES = (
 )
 """Minor words of a tool change, which are no names of tools."""
 _QUOTED = re.compile(r"'([^']*)'")
-_CODE = re.compile(r"[;#]|[GM]\d", re.IGNORECASE)
+_CODE = re.compile(r"[/'\"\s]*(?:N\s*\d+\s*)?[GMTSF#]\s*\d", re.IGNORECASE)
+"""Code of a control, perhaps behind its skip sign and block number: it can do anything."""
 _ASKS_FOR_MORE = re.compile(r"(?<!\$)\$\s*$")
 _STOP = re.compile(r"STOP\b", re.IGNORECASE)
 
@@ -270,6 +272,10 @@ def _insert(state: AptState, statement: Statement, line: int) -> None:
     elif text.upper().startswith("STOCK SIZE"):
         state.add_event(EventKind.MESSAGE, line, 0.0, text)
     elif _CODE.match(text):
+        reason = f"{shortened(text)!r} is code for the control, which is not sent"
+        state.uses.refuse("INSERT", WordClass.PROCESS, line, reason)
+        state.add_event(EventKind.MESSAGE, line, 0.0, text)
+    elif text.startswith((";", "#")):
         reason = "text for the control that looks like code; it is not sent"
         state.uses.note("INSERT", WordClass.PROCESS, line, reason)
         state.add_event(EventKind.MESSAGE, line, 0.0, text)
