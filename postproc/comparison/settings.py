@@ -31,8 +31,6 @@ def setting_differences(
         yield "speed", f"{a.speed:g} m/s became {b.speed:g} m/s"
     if blend == Blend.DISTANCE and other(a.cdis, b.cdis):
         yield "approximation", f"{a.cdis / MM:g} mm became {b.cdis / MM:g} mm"
-    if blend == Blend.AXES and other(a.cptp, b.cptp):
-        yield "approximation", f"{a.cptp:.0%} became {b.cptp:.0%}"
     for name in ("tool", "base"):
         detail = _frame(old, new, a, b, name)
         if detail:

@@ -13,8 +13,6 @@ from postproc.errors import RunKind, Severity
 from postproc.krl import Control, KrlModule, Node, Routine, Statement, parse_expression
 from postproc.records import dataclass
 
-MAX_JUMPS = 100_000
-"""Jumps backwards in one run; more means that the program does not end."""
 _FOR = re.compile(r"(.+?)=(.+?)\bTO\b(.+?)(?:\bSTEP\b(.+))?$", re.IGNORECASE)
 _THEN = re.compile(r"\bTHEN\s*$", re.IGNORECASE)
 
@@ -63,7 +61,6 @@ class ControlFlow:
         self._finding = finding
         self._is_idle, self._is_accepted, self._forget = is_idle, is_accepted, forget
         self._unknown = 0
-        self._jumps = 0
         self._steps: dict[str, Callable[[Activation, int, Control], int | None]] = {
             "IF": self._if,
             "ELSE": self._leave,
@@ -88,15 +85,7 @@ class ControlFlow:
         """Return the index of the line to go to, None for the next one."""
         self._leave_doubtful(run, index)
         handler = self._steps.get(statement.word)
-        target = handler(run, index, statement) if handler is not None else None
-        if target is not None and target <= index:
-            self._jumps += 1
-            if self._jumps > MAX_JUMPS:
-                self._finding(
-                    RunKind.ENDLESS, "the program does not come to an end", Severity.ERROR
-                )
-                return len(run.routine.statements)
-        return target
+        return handler(run, index, statement) if handler is not None else None
 
     def _condition(self, text: str, run: Activation, start: int, stop: int) -> Any:  # noqa: ANN401
         """Return True, False or UNKNOWN; the condition decides about the lines start to stop."""

@@ -16,17 +16,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from typing import Any
 
 from postproc.arrays import FloatArray
 from postproc.controller.control import Activation, ControlFlow
 from postproc.controller.flow import Flow, flow_of
 from postproc.controller.library import (
-    CONTACT_LIMITS,
     CONTACT_ROUTINE,
     SILENT,
     NumberedFrame,
-    is_harmless,
+    is_still,
     predefined,
 )
 from postproc.controller.memory import Memory
@@ -40,7 +40,7 @@ from postproc.controller.runtime import (
     text_of,
     with_component,
 )
-from postproc.controller.state import NUMBERS, STOPMESS, MotionState
+from postproc.controller.state import STOPMESS, MotionState
 from postproc.controller.targets import Targets
 from postproc.controller.trace import EventWord, Trace
 from postproc.controller.trust import Trust, is_quiet, reading
@@ -52,7 +52,9 @@ from postproc.krl import (
     Call,
     Control,
     Declaration,
+    Effect,
     Expr,
+    FunctionCall,
     Halt,
     Interrupt,
     KrlModule,
@@ -64,17 +66,21 @@ from postproc.krl import (
     Routine,
     SplineBegin,
     SplineEnd,
+    Statement,
     Trigger,
     Value,
     WaitFor,
     WaitSec,
+    initial_values,
     parse_expression,
+    system_variable,
 )
 
 MAX_DEPTH = 50
 """Calls within calls."""
-MAX_CALLS = 200_000
-"""Calls in one run; more means that the program does not end."""
+MAX_REPEATED_LINES = 100_000
+MAX_REPEATED_MOTIONS = 4_000
+"""So many lines and motions more than the text has are run: what loops and calls add to it."""
 MAX_WAIT = 600.0
 """A longer wait [s] is a slip of the digits, not a dwell."""
 MAX_SEARCHES = 200
@@ -94,6 +100,10 @@ def run(modules: Sequence[KrlModule], name: str, kinematics: Kinematics, world: 
         The executed motions; what could not be followed stands in its findings.
     """
     return Interpreter(modules, kinematics, world).run(name)
+
+
+class _EndlessError(Exception):
+    """The run goes on and on; it has been reported."""
 
 
 class Interpreter:
@@ -134,7 +144,11 @@ class Interpreter:
                     known = self._global_routines.setdefault(routine.name.upper(), [])
                     known.append((module, routine))
         self._line = 0
-        self._searches = self._calls = 0
+        self._searches = 0
+        texts = [r.statements for m in self._modules.values() for r in m.routines]
+        moves = sum(type(statement) is Move for text in texts for statement in text)
+        self._lines_left = MAX_REPEATED_LINES + sum(map(len, texts))
+        self._motions_left = MAX_REPEATED_MOTIONS + moves
         self._motions = Motions(self.evaluator, self.targets, self)
         self._handlers: dict[type, Callable[[Any], None]] = {
             Move: self._motions.move,
@@ -155,7 +169,8 @@ class Interpreter:
     def run(self, name: str) -> Trace:
         """Run a module from its first routine."""
         module = self._modules[name.upper()]
-        self._execute(module, module.main, ())
+        with suppress(_EndlessError):
+            self._execute(module, module.main, ())
         return self.recorder.trace(self.state)
 
     # --------------------------------------------------------------------------------- execution
@@ -185,6 +200,9 @@ class Interpreter:
         while index < count:
             statement = statements[index]
             kind = type(statement)
+            self._lines_left -= 1
+            if self._lines_left < 0 or len(self.recorder) > self._motions_left:
+                self._stop(statement)
             if kind is Control:
                 self._line = statement.line
                 target = self._control.step(run, index, statement)  # type: ignore[arg-type]
@@ -195,6 +213,18 @@ class Interpreter:
                 self._line = statement.line
                 handler(statement)
             index += 1
+
+    def _stop(self, statement: Statement) -> None:
+        """End a run that goes on and on."""
+        self._line = statement.line
+        what = (
+            f"{MAX_REPEATED_LINES} lines"
+            if self._lines_left < 0
+            else f"{MAX_REPEATED_MOTIONS} motions"
+        )
+        text = f"loops and calls add more than {what} to what is written: not run any further"
+        self.finding(RunKind.ENDLESS, text)
+        raise _EndlessError
 
     def place(self) -> tuple[int, int]:
         """Return file row and line that run now."""
@@ -246,8 +276,8 @@ class Interpreter:
 
     def assign(self, statement: Assign) -> None:
         """Execute an assignment."""
-        if type(statement.value) is float and statement.target in NUMBERS:
-            self.state.number(statement.target, statement.value)
+        if type(statement.value) is float and statement.target in initial_values():
+            self.state.assign(statement.target, statement.value)
             self._missing_frames()
             return
         node = parse_expression(statement.target)
@@ -255,7 +285,7 @@ class Interpreter:
         if isinstance(node, Reference) and node.name in ("$TOOL", "$BASE"):
             self._assign_frame(node, value, statement.value)
         else:
-            self._assign_node(node, value)
+            self._assign_node(node, value, by_form=_is_form(statement.value))
         self._missing_frames()
 
     def _assign_frame(self, node: Reference, value: Any, written: Value) -> None:  # noqa: ANN401
@@ -275,35 +305,42 @@ class Interpreter:
             value = with_component(whole, path, value)
         self.state.set_frame(node.name, value, number)
 
-    def _assign_node(self, node: Node, value: Any) -> None:  # noqa: ANN401
+    def _assign_node(self, node: Node, value: Any, *, by_form: bool = False) -> None:  # noqa: ANN401
         if not isinstance(node, Reference):
             return
         if node.name.startswith("$"):
-            self._assign_system(node, value)
+            self._assign_system(node, value, by_form=by_form)
         elif node.name in ("FDAT_ACT", "PDAT_ACT", "LDAT_ACT") and not node.selectors:
             self._active[node.name] = value
         else:
             self._memory.put(node, value)
 
-    def _assign_system(self, node: Reference, value: Any) -> None:  # noqa: ANN401
+    def _assign_system(self, node: Reference, value: Any, *, by_form: bool) -> None:  # noqa: ANN401
+        """Set a system variable; what it does and nobody follows is not judged.
+
+        Args:
+            node: the variable.
+            value: what it gets.
+            by_form: a function of the inline forms gives it: what the controller is configured for.
+        """
         key = self.evaluator.key(node)
+        variable = system_variable(node.name)
         if key is None:
-            if not is_harmless(node.name):
+            if variable is None or not variable.effect.is_still:
                 self.unjudged(node.name, f"which {node.name} is set is not known here")
             return
-        if key == "$APO" and component(value, "APO_DIST") is not UNKNOWN:
-            self.state.motion_data(value)
+        if variable is not None and variable.effect.is_still:
+            self._system[key] = value
+            if variable.effect is Effect.OUTPUT:
+                number = float(value) if isinstance(value, int | float) else math.nan
+                self.recorder.event(EventWord.OUTPUT, key, self.place(), number)
+        elif key == "$APO" and component(value, "APO_DIST") is not UNKNOWN:
+            self.state.approximation(value)
         elif key == "$LOAD" and isinstance(value, NumberedFrame):
             self.state.select_load(value.number)
-        elif key.startswith(CONTACT_LIMITS) and value is not UNKNOWN:
-            self.unjudged(key, f"{key} sets how hard a contact has to be to stop the arm")
-        elif not self.state.assign(key, value):
-            self._system[key] = value
-            if not is_harmless(key):
-                self.unjudged(key, f"{key} is set: what it does to the motion is not judged")
-        if key.startswith(("$OUT[", "$ANOUT[")):
-            number = float(value) if isinstance(value, int | float) else math.nan
-            self.recorder.event(EventWord.OUTPUT, key, self.place(), number)
+        elif not self.state.assign(key, value) and not by_form:
+            does = "what it does is not known" if variable is None else variable.does
+            self.unjudged(key, f"{key} is set ({does}): its effect on the motion is not judged")
 
     def _note_frame_data(self, node: Reference, scope: Variables) -> None:
         if node.name not in ("TOOL_DATA", "BASE_DATA"):
@@ -400,11 +437,9 @@ class Interpreter:
         values: Sequence[Any] | None = None,
     ) -> Any:  # noqa: ANN401
         """Run a routine; ``values`` of its arguments, where they are known already."""
-        self._calls += 1
-        if len(self._stack) >= MAX_DEPTH or self._calls > MAX_CALLS:
-            self.finding(
-                RunKind.ENDLESS, f"{routine.name} is called over and over, or within itself"
-            )
+        self._lines_left -= 1
+        if len(self._stack) >= MAX_DEPTH:
+            self.finding(RunKind.ENDLESS, f"{routine.name} is called within itself")
             return UNKNOWN
         if values is None:
             values = [self._argument(node) for node in arguments]
@@ -444,7 +479,7 @@ class Interpreter:
 
     def _trigger(self, statement: Trigger) -> None:
         action = statement.action
-        harmless = isinstance(action, Assign) and is_harmless(action.target)
+        harmless = isinstance(action, Assign) and is_still(action.target)
         if not (harmless or self._trust.is_hook(action) or self._trust.is_idle(action)):
             self.unjudged("TRIGGER", "a trigger does more than to switch an output or call a hook")
             return
@@ -511,6 +546,12 @@ def _is_stop_message(statement: Interrupt) -> bool:
         and isinstance(statement.action, Call)
         and statement.action.name.upper() == "IR_STOPM"
     )
+
+
+def _is_form(value: Value) -> bool:
+    """Return whether a function of the inline forms gives a value."""
+    node = parse_expression(value.text) if isinstance(value, Expr) else None
+    return isinstance(node, FunctionCall) and predefined(node.name) is not None
 
 
 def _node(value: Value | None) -> Node | None:

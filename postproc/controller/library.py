@@ -6,8 +6,9 @@ from collections.abc import Callable
 from typing import Any
 
 from postproc.controller.runtime import UNKNOWN, component
-from postproc.krl import Aggregate
+from postproc.krl import Aggregate, initial_values, system_variable
 from postproc.records import dataclass
+from postproc.units import PERCENT
 
 SILENT = frozenset(
     {
@@ -50,32 +51,16 @@ QUIET = frozenset(
 it moves: declarations, outputs, channels."""
 READING = frozenset({"COPEN", "CREAD", "CWRITE", "SREAD", "SWRITE"})
 """Instructions that write into the variables they are given."""
-CONTACT_ROUTINE, CONTACT_LIMITS = "SET_CD_PARAMS", "$COLLMON_TOL_PRO"
-"""Of collision detection: forms call the first with 0 or nothing and take the configured values of
-the second; other numbers change the supervision."""
+CONTACT_ROUTINE = "SET_CD_PARAMS"
+"""Of collision detection: forms call it with 0 or nothing; other numbers change the supervision."""
 COMMAND_CHANNEL = "$CMD"
 """Who writes to this channel gives commands to the controller, such as to run a program."""
-HARMLESS = frozenset(
-    {
-        "$OUT",
-        "$ANOUT",
-        "$FLAG",
-        "$CYCFLAG",
-        "$TIMER",
-        "$TIMER_STOP",
-        "$BWDSTART",
-        "$H_POS",
-        "$LOOP_MSG",
-        "$LOOP_CONT",
-        "$COLLMON_TOL_PRO",
-    }
-)
-"""System variables that neither move the robot nor change how it moves."""
 
 
-def is_harmless(name: str) -> bool:
-    """Return whether setting a system variable says nothing of the motion, whatever its index."""
-    return name.upper().partition("[")[0].partition(".")[0] in HARMLESS
+def is_still(name: str) -> bool:
+    """Return whether a system variable moves no arm and changes no motion, whatever its index."""
+    variable = system_variable(name.upper())
+    return variable is not None and variable.effect.is_still
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,19 +92,24 @@ def _data(arguments: list[Any]) -> Any:  # noqa: ANN401
     return arguments[0] if arguments else UNKNOWN
 
 
-def _ramp(arguments: list[Any]) -> Any:  # noqa: ANN401
-    value = arguments[0] if arguments else UNKNOWN
-    return component(value, "ACC") if isinstance(value, Aggregate) else value
+def _part(name: str) -> Callable[[list[Any]], Any]:
+    """Return a function that gives a component of a PDAT or LDAT, or the value itself."""
+
+    def part(arguments: list[Any]) -> Any:  # noqa: ANN401
+        value = arguments[0] if arguments else UNKNOWN
+        return component(value, name) if isinstance(value, Aggregate) else value
+
+    return part
 
 
 def _path_acceleration(arguments: list[Any]) -> Any:  # noqa: ANN401
     value: Any = arguments[0] if arguments else UNKNOWN
-    return value if isinstance(value, Aggregate) else Aggregate((("CP", value),))
-
-
-def _orientation(arguments: list[Any]) -> Any:  # noqa: ANN401
-    value = arguments[0] if arguments else UNKNOWN
-    return component(value, "ORI_TYP") if isinstance(value, Aggregate) else value
+    if isinstance(value, Aggregate) and value.get("ACC") is None:
+        return value
+    share = component(value, "ACC")
+    if isinstance(share, int | float):
+        value = float(initial_values()["$ACC.CP"]) * PERCENT * share
+    return Aggregate((("CP", value),))
 
 
 def _nothing(_arguments: list[Any]) -> Any:  # noqa: ANN401
@@ -136,12 +126,12 @@ _FUNCTIONS: dict[str, Callable[[list[Any]], Any]] = {
     "SAPO_PTP": _data,
     "SAPO_CP": _data,
     "SLOAD": _tool,
-    "SACC_JOINT": _ramp,
+    "SACC_JOINT": _part("ACC"),
     "SACC_CP": _path_acceleration,
     "SIPO_MODE": _data,
-    "SORI_TYP": _orientation,
-    "SGEAR_JERK": _data,
-    "SJERK": _data,
+    "SORI_TYP": _part("ORI_TYP"),
+    "SGEAR_JERK": _part("GEAR_JERK"),
+    "SJERK": _part("JERK_FAC"),
     "USE_CM_PRO_VALUES": _nothing,
 }
 

@@ -12,8 +12,6 @@ from postproc.controller.trace import Blend, MotionType
 from postproc.errors import RunKind, Severity
 from postproc.krl import Assign, Axes, Expr, Move, MoveWord, Pose, SplineBegin, SplineEnd
 
-MAX_MOTIONS = 1_000_000
-"""A program that makes more motions does not come to an end."""
 MOTION_TYPES = {
     MoveWord.PTP: MotionType.PTP,
     MoveWord.SPTP: MotionType.PTP,
@@ -95,11 +93,6 @@ class Motions:
 
     def move(self, statement: Move) -> None:
         """Execute a motion."""
-        count = len(self._recorder.motions)
-        if count >= MAX_MOTIONS:
-            if count == MAX_MOTIONS:
-                self._host.finding(RunKind.ENDLESS, f"more than {MAX_MOTIONS} motions")
-            return
         before = self._state.values
         if statement.settings:
             self._with(statement.settings)
@@ -159,7 +152,7 @@ class Motions:
                 self._recorder.angles[row] = float(angle)
 
     def _blend(self, words: tuple[str, ...]) -> Blend:
-        if not words or self._state.values.advance == 0:
+        if not words or self._state.values.system["$ADVANCE"] == 0:
             return Blend.EXACT
         if "C_PTP" in words:
             return Blend.AXES

@@ -8,34 +8,31 @@ world of the cell; $ROBROOT is where the cell says that the robot stands.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.controller.runtime import UNKNOWN, component, matrix_of, pose_of
+from postproc.controller.runtime import UNKNOWN, component, matrix_of, pose_of, text_of
 from postproc.controller.trace import Settings
 from postproc.geometry import inverse
-from postproc.krl import MOST_ADVANCE, MOST_ORIENTATION_SPEED, Aggregate, Enum, Pose
+from postproc.krl import (
+    Aggregate,
+    Axes,
+    Enum,
+    Pose,
+    SystemVariable,
+    components,
+    initial_values,
+    system_variable,
+)
 from postproc.records import dataclass
 from postproc.units import DEG, MM, PERCENT
 
-DEFAULT_SPEED = 2.0
-"""$VEL.CP after INITMOV and the clamp of BAS(#VEL_CP) [m/s]."""
-DEFAULT_ACCELERATION = 2.3
-"""$ACC.CP [m/s^2]."""
-DEFAULT_ORIENTATION = 200.0
-"""$VEL.ORI1 [deg/s]."""
-DEFAULT_CDIS = 3.0
-"""$APO.CDIS [mm]."""
-DEFAULT_CPTP = 50.0
-"""$APO.CPTP [%]."""
-DEFAULT_CVEL = 100.0
-"""$APO.CVEL [%]."""
-DEFAULT_CORI = 5.0
-"""$APO.CORI [deg]."""
+Scalar = float | str
+"""A number, or the text of any other value."""
 
 
 _MOST_KNOWN = 4096
@@ -62,31 +59,28 @@ class FrameTable:
         return np.stack(self.rows) if self.rows else np.zeros((0, 4, 4))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Values:
-    """The state as plain values; replaced, never changed, so that WITH can put it back."""
+    """The state as plain values; replaced, never changed, so that WITH can put it back.
+
+    ``system``: every system variable that is followed or was set, by its canonical name. A load
+    that the program writes itself stands there as well; its ``load_number`` is -1.
+    """
 
     tool: int
     base: int
     tool_number: int = 0
     base_number: int = 0
-    speed: float = DEFAULT_SPEED
-    swivel: float = DEFAULT_ORIENTATION
-    rotation: float = DEFAULT_ORIENTATION
-    acceleration: float = DEFAULT_ACCELERATION
-    ptp: tuple[float, ...] = (100.0,) * 6
-    ramp: tuple[float, ...] = (100.0,) * 6
-    cdis: float = DEFAULT_CDIS
-    cptp: float = DEFAULT_CPTP
-    cvel: float = DEFAULT_CVEL
-    cori: float = DEFAULT_CORI
-    advance: int = 3
-    orientation: str = "VAR"
-    circle: str = "BASE"
-    ipo_tcp: bool = False
     load_number: int = 0
     load_mass: float = math.nan
+    system: Mapping[str, Scalar] = field(default_factory=initial_values)
     done: frozenset[str] = frozenset()
+
+    @property
+    def key(self) -> object:
+        """What is the same for the same values."""
+        numbers = (self.tool, self.base, self.tool_number, self.base_number, self.load_number)
+        return (*numbers, str(self.load_mass), frozenset(self.system.items()), self.done)
 
 
 class MotionState:
@@ -123,26 +117,26 @@ class MotionState:
         source, known = self._known.get(id(v), (None, 0))
         if source is v:
             return int(known)
+        system: Mapping[str, Any] = v.system
         settings = Settings(
             tool=v.tool,
             base=v.base,
             tool_number=v.tool_number,
             base_number=v.base_number,
-            speed=v.speed,
-            orientation_speed=min(v.swivel, v.rotation) * DEG,
-            acceleration=v.acceleration,
-            ptp=tuple(share * PERCENT for share in v.ptp),
-            cdis=v.cdis * MM,
-            cptp=v.cptp * PERCENT,
-            cvel=v.cvel * PERCENT,
-            cori=v.cori * DEG,
-            ramp=tuple(share * PERCENT for share in v.ramp),
-            advance=v.advance,
-            orientation=v.orientation,
-            circle=v.circle,
-            ipo_tcp=v.ipo_tcp,
+            speed=system["$VEL.CP"],
+            orientation_speed=min(system["$VEL.ORI1"], system["$VEL.ORI2"]) * DEG,
+            acceleration=system["$ACC.CP"],
+            ptp=_shares("$VEL_AXIS", system),
+            cdis=system["$APO.CDIS"] * MM,
+            cori=system["$APO.CORI"] * DEG,
+            ramp=_shares("$ACC_AXIS", system),
+            advance=int(system["$ADVANCE"]),
+            orientation=system["$ORI_TYPE"],
+            circle=system["$CIRC_TYPE"],
+            ipo_tcp=system["$IPO_MODE"] == "TCP",
             load_number=v.load_number,
             load_mass=v.load_mass,
+            system=tuple(sorted(v.system.items())),
             done=v.done,
         )
         row = self._rows.setdefault(settings, len(self._rows))
@@ -167,15 +161,24 @@ class MotionState:
     def _base_row(self, T_world_base: FloatArray) -> int:
         return self.base_frames.row(self._T_robroot_world @ T_world_base)
 
-    def _set(self, done: str = "", **changes: Any) -> None:  # noqa: ANN401 - fields of Values
-        """Change values; ``done``: what the program has set by that."""
+    def _set(self, done: str = "", **changes: Any) -> None:  # noqa: ANN401
+        """Change fields of the values, and system variables by their names; None takes one out.
+
+        ``done``: what the program has set by that.
+        """
         key = (id(self.values), done, *changes.items())
         source, after = self._known.get(key, (None, None))
         if source is not self.values:
+            fields = {name: value for name, value in changes.items() if name.isidentifier()}
+            if len(fields) < len(changes):
+                system = {**self.values.system, **changes}
+                fields["system"] = {
+                    k: v for k, v in system.items() if k not in fields and v is not None
+                }
             if done and done not in self.values.done:
-                changes["done"] = self.values.done | {done}
-            after = replace(self.values, **changes)
-            after = self._known.setdefault(after, (after, after))[0]
+                fields["done"] = self.values.done | {done}
+            after = replace(self.values, **fields)
+            after = self._known.setdefault(after.key, (after, after))[0]
             self._remember(key, after)
         self.values = after
 
@@ -209,7 +212,8 @@ class MotionState:
     def select_load(self, number: Any) -> None:  # noqa: ANN401 - may be unknown
         """Take LOAD_DATA[number], as BAS(#TOOL) does besides the tool."""
         if isinstance(number, int) and not isinstance(number, bool):
-            self._set("$LOAD", load_number=max(number, 0), load_mass=math.nan)
+            own = {k: None for k in self.values.system if k.startswith("$LOAD.")}
+            self._set("$LOAD", load_number=max(number, 0), load_mass=math.nan, **own)
         else:
             self._unknown("$LOAD")
 
@@ -246,68 +250,57 @@ class MotionState:
     # ---------------------------------------------------------------------------- system variables
 
     def assign(self, key: str, value: Any) -> bool:  # noqa: ANN401
-        """Set a system variable by its canonical name; False if it is none of the motion's."""
+        """Set a system variable by its canonical name; False if what it does is not followed."""
         if key in ("$TOOL", "$BASE"):
             self.set_frame(key, value, -1)
-        elif key in _STRUCTURES and isinstance(value, Aggregate):
-            for name, item in value.fields:
-                if not self.assign(f"{key}.{name.upper()}", item):
-                    self._unknown(f"{key}.{name.upper()}")
-        elif key in NUMBERS:
-            self.number(key, value)
-        elif key.startswith(("$VEL_AXIS[", "$ACC_AXIS[")):
-            self._axis_share(key, value)
-        elif key in _MODES:
-            self._mode(key, value)
-        elif key == "$LOAD" or key.startswith("$LOAD."):
-            self._load(key, value)
-        else:
-            return key in _RAMPS or key.startswith(_INDEXED_RAMPS)
-        return True
+            return True
+        if key == "$LOAD" or key.startswith("$LOAD."):
+            self._own_load(key, value)
+            return True
+        if key in initial_values():
+            self._followed(key, value)
+            return True
+        parts = _parts(value)
+        if parts:
+            return all([self.assign(f"{key}.{name.upper()}", item) for name, item in parts])
+        self._set("", **{key: _scalar(value)})
+        return False
 
-    def number(self, key: str, value: Any) -> None:  # noqa: ANN401
-        """Set a system variable of ``NUMBERS``."""
-        if not _is_number(value):
-            self._unknown(key)
-        elif value > _MOST.get(key, math.inf) or (key == "$ADVANCE" and value != int(value)):
-            self._refused(key, value)
-        elif value > 0 or (value == 0 and not key.startswith(_RATES)):
-            self._set(key, **{NUMBERS[key]: value})
-        else:
-            self._refused(key, value)
-
-    def _axis_share(self, key: str, value: Any) -> None:  # noqa: ANN401
-        name, _, digits = key[:-1].partition("[")
-        if not (digits.isdigit() and 1 <= int(digits) <= 6 and _is_number(value)):
-            self._unknown(key)
+    def _followed(self, key: str, value: Any) -> None:  # noqa: ANN401
+        """Set a variable of the table that is followed, if it takes the value."""
+        variable = system_variable(key)
+        if variable is None:
             return
-        if not 0.0 <= value <= 100.0:
-            self._refused(key, value)
-            return
-        column = "ptp" if name == "$VEL_AXIS" else "ramp"
-        shares = list(getattr(self.values, column))
-        shares[int(digits) - 1] = float(value)
-        self._set(name, **{column: tuple(shares)})
-
-    def _mode(self, key: str, value: Any) -> None:  # noqa: ANN401
-        name = value.name.upper() if isinstance(value, Enum) else ""
-        if name not in _MODES[key]:
+        if variable.constants:
+            name = value.name.upper() if isinstance(value, Enum) else ""
+            if name in variable.constants:
+                self._set(variable.name, **{key: name})
+            else:
+                self._unknown(key)
+        elif not _is_number(value):
             self._unknown(key)
-        elif key == "$IPO_MODE":
-            self._set(key, ipo_tcp=name == "TCP")
+        elif not variable.takes(value) and not self._may_stand_still(variable, value):
+            self._refused(key, value)
         else:
-            self._set(key, **{"orientation" if key == "$ORI_TYPE" else "circle": name})
+            self._set(variable.name, **{key: float(value)})
 
-    def _load(self, key: str, value: Any) -> None:  # noqa: ANN401
+    @staticmethod
+    def _may_stand_still(variable: SystemVariable, value: float) -> bool:
+        """Whether a speed is 0: the checks of the motions say that the arm would not move."""
+        return value == 0 and variable.name in ("$VEL.CP", "$VEL_AXIS", "$ACC_AXIS")
+
+    def _own_load(self, key: str, value: Any) -> None:  # noqa: ANN401
         """Take a load of the program's own; one component of it makes the rest no known load."""
         mass: Any = component(value, "M") if key == "$LOAD" else UNKNOWN
         mass = float(mass) if _is_number(mass) else math.nan
         self._set("$LOAD", load_number=-1, load_mass=mass)
+        self._set("", **dict(_leaves(key, value)))
 
     def read(self, key: str) -> Any:  # noqa: ANN401
         """Return a system variable of the motion state, ``UNKNOWN`` for any other."""
-        if key in NUMBERS:
-            return getattr(self.values, NUMBERS[key])
+        if key in self.values.system:
+            value = self.values.system[key]
+            return Enum(value) if isinstance(value, str) else value
         if key in ("$ACT_TOOL", "$ACT_BASE"):
             values = self.values
             return values.tool_number if key == "$ACT_TOOL" else values.base_number
@@ -318,7 +311,9 @@ class MotionState:
             "$NULLFRAME": lambda: np.eye(4),
             "$WORLD": lambda: np.eye(4),
         }
-        return pose_of(frames[key]()) if key in frames else UNKNOWN
+        name, _, rest = key.partition(".")
+        pose = pose_of(frames[name]()) if name in frames else UNKNOWN
+        return component(pose, rest) if rest else pose
 
     # ------------------------------------------------------------------------------------------ BAS
 
@@ -368,18 +363,18 @@ class MotionState:
         self.values = replace(self.values, done=kept | {INITMOV})
 
     def _speed(self, command: str, value: Any) -> None:  # noqa: ANN401
+        """Run the commands that set a speed or an acceleration."""
         if not _is_number(value):
             self._unknown(f"BAS(#{command})")
-        elif command == "ACC_CP" and not value > 0:
-            self._refused(f"BAS(#{command})", value)
         elif command == "VEL_CP":
-            self._set("$VEL.CP", speed=min(float(value), DEFAULT_SPEED))
-        elif command == "VEL_PTP":
-            self._set("$VEL_AXIS", ptp=(float(value),) * 6)
-        elif command == "ACC_PTP":
-            self._set("$ACC_AXIS", ramp=(float(value),) * 6)
+            # above the default of the controller BAS takes that, without a message
+            self._followed("$VEL.CP", min(value, _default("$VEL.CP")))
+        elif command == "ACC_CP":
+            self._followed("$ACC.CP", _default("$ACC.CP") * PERCENT * min(value, 100.0))
         else:
-            self._set("$ACC.CP", acceleration=DEFAULT_ACCELERATION * PERCENT * float(value))
+            name = "$VEL_AXIS" if command == "VEL_PTP" else "$ACC_AXIS"
+            for axis in range(1, 7):
+                self._followed(f"{name}[{axis}]", value)
 
     def frame_data(self, fdat: Any) -> None:  # noqa: ANN401
         """Take tool, base and interpolation mode of a FDAT."""
@@ -389,60 +384,66 @@ class MotionState:
         self.select_tool(component(fdat, "TOOL_NO"))
         self.select_load(component(fdat, "TOOL_NO"))
         self.select_base(component(fdat, "BASE_NO"))
-        self._mode("$IPO_MODE", component(fdat, "IPO_FRAME"))
+        self._followed("$IPO_MODE", component(fdat, "IPO_FRAME"))
 
     def motion_data(self, data: Any) -> None:  # noqa: ANN401
-        """Take acceleration and approximation of a PDAT or LDAT."""
+        """Take acceleration, approximation and all else of a PDAT or LDAT."""
         if not isinstance(data, Aggregate):
             self.unjudged.append(("PDAT", "the motion data (PDAT, LDAT) are not known"))
             return
+        is_ptp = self.approximation(data)
+        for name, value in data.fields:
+            part = name.upper().partition("[")[0]
+            if part in ("ORI_TYP", "CIRC_TYP"):
+                self._followed("$ORI_TYPE" if part == "ORI_TYP" else "$CIRC_TYPE", value)
+            elif part == "ACC":
+                self._speed("ACC_PTP" if is_ptp else "ACC_CP", value)
+            elif part not in ("VEL", "APO_DIST", "APO_MODE"):
+                self._set("", **dict(_leaves(f"{'PDAT' if is_ptp else 'LDAT'}.{part}", value)))
+
+    def approximation(self, data: Aggregate) -> bool:
+        """Take the approximation of a PDAT or LDAT; return whether it is that of a PTP."""
         distance, mode = component(data, "APO_DIST"), component(data, "APO_MODE")
         is_ptp = component(data, "ORI_TYP") is UNKNOWN and component(data, "AXIS_VEL") is UNKNOWN
         if _is_number(distance):
             in_percent = is_ptp and not (isinstance(mode, Enum) and mode.name.upper() == "CDIS")
-            if in_percent:
-                self._set("$APO.CPTP", cptp=distance)
-            else:
-                self._set("$APO.CDIS", cdis=distance)
-        for name, key in (("ORI_TYP", "$ORI_TYPE"), ("CIRC_TYP", "$CIRC_TYPE")):
-            if component(data, name) is not UNKNOWN:
-                self._mode(key, component(data, name))
+            self._followed("$APO.CPTP" if in_percent else "$APO.CDIS", distance)
+        return is_ptp
 
 
 def _is_number(value: Any) -> bool:  # noqa: ANN401
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-NUMBERS = {
-    "$VEL.CP": "speed",
-    "$VEL.ORI1": "swivel",
-    "$VEL.ORI2": "rotation",
-    "$ACC.CP": "acceleration",
-    "$APO.CDIS": "cdis",
-    "$APO.CPTP": "cptp",
-    "$APO.CVEL": "cvel",
-    "$APO.CORI": "cori",
-    "$ADVANCE": "advance",
-}
-"""System variables that are one number, by their canonical names."""
-_MOST = {
-    "$ADVANCE": MOST_ADVANCE,
-    "$APO.CPTP": 100.0,
-    "$APO.CVEL": 100.0,
-    "$VEL.ORI1": MOST_ORIENTATION_SPEED,
-    "$VEL.ORI2": MOST_ORIENTATION_SPEED,
-}
-"""The controller takes no more."""
-_RATES = ("$VEL.ORI", "$ACC.")
-_MODES = {
-    "$ORI_TYPE": ("VAR", "CONSTANT", "JOINT"),
-    "$CIRC_TYPE": ("BASE", "PATH"),
-    "$IPO_MODE": ("BASE", "TCP"),
-}
-_RAMPS = frozenset({"$ACC.ORI1", "$ACC.ORI2"})
-_INDEXED_RAMPS = ("$ACC_EXTAX[", "$VEL_EXTAX[", "$GEAR_JERK", "$JERK")
-"""How fast speeds are reached, within what the controller allows: they move no point."""
+def _default(key: str) -> float:
+    return float(initial_values()[key])
+
+
+def _shares(name: str, system: Mapping[str, Any]) -> tuple[float, ...]:
+    """Return a percentage of each robot axis as shares."""
+    return tuple(system[f"{name}[{axis}]"] * PERCENT for axis in range(1, 7))
+
+
+def _parts(value: Any) -> list[tuple[str, Any]]:  # noqa: ANN401 - a KRL value
+    """Return the components of a structure, none of anything else."""
+    if isinstance(value, Aggregate):
+        return list(value.fields)
+    return list(components(value)) if isinstance(value, Pose | Axes) else []
+
+
+def _leaves(key: str, value: Any) -> Iterator[tuple[str, Scalar]]:  # noqa: ANN401
+    """Yield the scalars of a value, each by its canonical name."""
+    parts = _parts(value)
+    for name, item in parts:
+        yield from _leaves(f"{key}.{name.upper()}", item)
+    if not parts:
+        yield key, _scalar(value)
+
+
+def _scalar(value: Any) -> Scalar:  # noqa: ANN401
+    return float(value) if _is_number(value) else text_of(value)
+
+
 INITMOV = "BAS(#INITMOV)"
 STOPMESS = "INTERRUPT 3"
 """The delivered interrupt that stops the program with the robot, declared and switched on."""
-_STRUCTURES = frozenset({"$VEL", "$ACC", "$APO"})

@@ -65,9 +65,10 @@ class Settings(NamedTuple):
 
     ``tool``, ``base``: rows of the frame tables; ``*_number``: as selected, -1 for a frame without
     one. Speeds in m/s and rad/s, ``ptp``, ``ramp``: share of axis speed and acceleration per axis;
-    ``cdis`` [m], ``cori`` [rad], ``cptp``, ``cvel``: where approximation may begin. ``load_number``
-    as selected, -1 for a load of its own of ``load_mass`` [kg]. ``done``: what the program itself
-    has set or called; the rest is as the controller is configured.
+    ``cdis`` [m], ``cori`` [rad]: where approximation may begin. ``load_number`` as selected, -1 for
+    a load of its own of ``load_mass`` [kg]. ``system``: every system variable that is followed or
+    was set, by name, in the controller's units. ``done``: what the program itself has set or
+    called; the rest is as the controller is configured.
     """
 
     tool: int
@@ -79,8 +80,6 @@ class Settings(NamedTuple):
     acceleration: float
     ptp: tuple[float, ...]
     cdis: float
-    cptp: float
-    cvel: float
     cori: float
     ramp: tuple[float, ...]
     advance: int
@@ -89,6 +88,7 @@ class Settings(NamedTuple):
     ipo_tcp: bool
     load_number: int
     load_mass: float
+    system: tuple[tuple[str, float | str], ...]
     done: frozenset[str]
 
 

@@ -9,7 +9,7 @@ from postproc.controller.library import (
     QUIET,
     READING,
     SILENT,
-    is_harmless,
+    is_still,
 )
 from postproc.krl import (
     Assign,
@@ -86,7 +86,7 @@ class Trust:
         if isinstance(statement, Assign):
             target = statement.target.upper()
             if target.startswith("$"):
-                return is_harmless(target)
+                return is_still(target)
             return target.partition("[")[0].partition(".")[0] not in _DATA
         if isinstance(statement, Call):
             return self._is_idle_call(statement.name.upper(), depth)

@@ -2,7 +2,14 @@
 
 from postproc.krl.lint import lint
 from postproc.krl.rules.scope import declared_names
-from postproc.krl.rules.subject import MOST_ADVANCE, MOST_ORIENTATION_SPEED, LintOptions
+from postproc.krl.rules.subject import LintOptions
+from postproc.krl.system import (
+    Effect,
+    SystemVariable,
+    initial_values,
+    system_variable,
+    system_variables,
+)
 from postproc.krl.text import (
     NO_BORDER,
     Aggregate,
@@ -67,8 +74,6 @@ from postproc.krl.text import (
 )
 
 __all__ = [
-    "MOST_ADVANCE",
-    "MOST_ORIENTATION_SPEED",
     "NO_BORDER",
     "Aggregate",
     "Assign",
@@ -80,6 +85,7 @@ __all__ = [
     "Control",
     "DataList",
     "Declaration",
+    "Effect",
     "Enum",
     "Expr",
     "FoldBegin",
@@ -104,6 +110,7 @@ __all__ = [
     "SplineEnd",
     "Statement",
     "Structure",
+    "SystemVariable",
     "Text",
     "Trigger",
     "Unary",
@@ -114,6 +121,7 @@ __all__ = [
     "comment_text",
     "components",
     "declared_names",
+    "initial_values",
     "is_legal",
     "legal_name",
     "lint",
@@ -128,6 +136,8 @@ __all__ = [
     "require_sound",
     "split",
     "suffixes",
+    "system_variable",
+    "system_variables",
     "table_of",
     "text_of",
     "tokenise",

@@ -47,6 +47,14 @@ def check_joints(result: Result, cell: Cell, kinematics: Kinematics) -> None:
 def check_externals(result: Result, cell: Cell) -> None:
     """Check external axes against their limits, and that the program says where they are."""
     paths, trace = result.paths, result.paths.trace
+    known = [int(axis.name[1]) - 1 for axis in cell.external_axes]
+    other = np.delete(np.nan_to_num(trace.external), known, axis=1)
+    driven = np.argwhere(other != 0.0)  # a controller without the axis writes 0 itself
+    if len(driven):
+        motion, column = driven[0].tolist()
+        name = f"E{np.delete(np.arange(1, 7), known)[column]}"
+        text = f"{name} goes to {other[motion, column]:g}, and the cell has no such axis: the "
+        result.finding(RunKind.EXTERNAL, motion, f"{text}program was made for another cell")
     for column, axis in enumerate(cell.external_axes):
         unit, name = (MM, "mm") if axis.kind == "rail" else (DEG, "deg")
         written = trace.external[:, int(axis.name[1]) - 1]

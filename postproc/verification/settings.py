@@ -15,7 +15,8 @@ from postproc.arrays import AnyIntArray, BoolArray
 from postproc.cell import Cell, Tool
 from postproc.controller import INITMOV, STOPMESS, Blend, MotionType, Settings
 from postproc.errors import RunKind, Severity
-from postproc.krl import Aggregate, Assign, KrlModule
+from postproc.krl import Aggregate, Assign, KrlModule, initial_values, system_variable
+from postproc.paths import SLOWEST
 from postproc.units import DEG, MM, PERCENT
 from postproc.verification.report import Result
 
@@ -51,6 +52,8 @@ def check_settings(result: Result, cell: Cell, modules: Sequence[KrlModule]) -> 
         if len(motions):
             for kind, motion, text in _faults(result, cell, settings, motions):
                 result.finding(kind, motion, text)
+    _turns_too_slowly(result, cell)
+    _changed(result, "$APO.CVEL")
     _unset(result)
     _load_data(result, cell, modules)
 
@@ -87,6 +90,7 @@ def _faults(
     if len(blended) and settings.cdis > most * (1.0 + _SAME):
         text = f"$APO.CDIS is {settings.cdis / MM:g} mm, the cell asks for {most / MM:g} at most"
         yield RunKind.SETUP, int(blended[0]), text
+    yield from _ramps(cell, settings, first)
     yield from _shares(cell, settings, first, is_joint=not is_cp.all())
     top = cell.krl.path_speed_max
     if "$VEL.CP" in settings.done and settings.speed > top * (1.0 + _SAME):
@@ -100,13 +104,60 @@ def _orientation(
     trace = result.paths.trace
     moving = motions[result.paths.curves.length[motions] > 0.0]
     paths = moving[trace.is_cp[moving]]
-    if settings.orientation == "JOINT" and len(paths):
-        text = "$ORI_TYPE is #JOINT: the hand turns by its axes, the tool axis leaves the path"
+    if settings.orientation in ("JOINT", "IGNORE") and len(paths):
+        kind = settings.orientation
+        text = f"$ORI_TYPE is #{kind}: the hand turns by its axes, the tool axis leaves the path"
         yield RunKind.ORIENTATION, int(paths[0]), text
     arcs = paths[trace.motion_type[paths] == MotionType.CIRC]
     if settings.circle != "BASE" and len(arcs):
         text = "$CIRC_TYPE is #PATH: the tool turns with the arc, which is not judged"
         yield RunKind.ORIENTATION, int(arcs[0]), text
+
+
+def _ramps(cell: Cell, settings: Settings, motion: int) -> Iterator[tuple[RunKind, int, str]]:
+    """Yield the first acceleration that is not the one every plan counts with."""
+    for name, value in settings.system:
+        expected = initial_values().get(name) if name.startswith("$ACC") else None
+        variable = system_variable(name)
+        if isinstance(expected, str) or expected is None or variable is None:
+            continue
+        is_same = isinstance(value, float) and math.isclose(value, expected, rel_tol=_SAME)
+        if not is_same and variable.name not in cell.accept:
+            text = f"{name} is {value} {variable.unit}, expected {expected:g} as delivered: "
+            yield RunKind.SPEED, motion, f"{text}speeds are reached later than planned, or harder"
+            return
+
+
+def _turns_too_slowly(result: Result, cell: Cell) -> None:
+    """Report paths whose orientation speed is another than the cell's.
+
+    Slower is right where the turn alone takes all the time of a motion: then it is the axes that
+    set the speed.
+    """
+    trace, curves = result.paths.trace, result.paths.curves
+    asked = cell.krl.orientation_speed
+    own = [dict(settings.system) for settings in trace.settings]
+    ends = [(float(v["$VEL.ORI1"]) * DEG, float(v["$VEL.ORI2"]) * DEG) for v in own] or [(0.0, 0.0)]
+    slow, fast = np.sort(np.array(ends), axis=1).T[:, trace.setting]
+    way = curves.length / np.maximum(trace.column("speed"), SLOWEST)
+    is_turn = curves.angle / asked >= way
+    bad = trace.is_cp & ((fast > asked * (1.0 + _SAME)) | (slow < asked * (1.0 - _SAME)) & ~is_turn)
+    rows = np.flatnonzero(bad)
+    if len(rows) and "$VEL.ORI1" not in cell.accept:
+        low, high = slow[rows[0]] / DEG, fast[rows[0]] / DEG
+        text = f"$VEL.ORI1 and ORI2 are {low:g} and {high:g} deg/s, the cell has {asked / DEG:g}"
+        result.finding(RunKind.SPEED, int(rows[0]), f"{text}, {len(rows)} motions")
+
+
+def _changed(result: Result, name: str) -> None:
+    """Report a setting that no planned motion needs and that is another from some motion on."""
+    trace = result.paths.trace
+    values = [dict(settings.system)[name] for settings in trace.settings]
+    used = np.array([values.index(value) for value in values] or [0])[trace.setting]
+    other = np.flatnonzero(used != used[:1])
+    if len(other):
+        text = f"{name} becomes {values[used[other[0]]]} between motions: nothing asks for that"
+        result.finding(RunKind.SETUP, int(other[0]), text)
 
 
 def _has_load(tool: Tool, settings: Settings) -> bool:

@@ -85,7 +85,7 @@ def test_settings_follow_bas_and_assignments():
     assert first.orientation_speed == pytest.approx(math.radians(200.0))
     assert second.speed == 0.0125
     assert second.cdis == pytest.approx(0.75e-3)
-    assert second.cptp == pytest.approx(0.3)
+    assert dict(second.system)["$APO.CPTP"] == 30.0
     assert second.ptp == (0.4, 0.4, 0.15, 0.4, 0.4, 0.4)
     assert second.orientation == "JOINT"
     assert result.blend[1] == Blend.EXACT  # nothing is blended without advance run
@@ -268,9 +268,9 @@ def test_known_values_decide_with_unknown_ones():
     ],
 )
 def test_programs_that_do_not_run(lines, kind, monkeypatch):
-    import postproc.controller.control as control
+    import postproc.controller.interpreter as interpreter
 
-    monkeypatch.setattr(control, "MAX_JUMPS", 1000)
+    monkeypatch.setattr(interpreter, "MAX_REPEATED_LINES", 1000)
     result = trace("DECL INT i", *lines)
     assert kind in kinds(result)
 

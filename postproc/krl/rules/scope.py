@@ -6,12 +6,9 @@ A type that the files at hand do not tell is None, and no check says anything ab
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from functools import cache
-from pathlib import Path
-from typing import Any
 
+from postproc.krl.system import system_types, system_variables
 from postproc.krl.text import (
     Aggregate,
     Axes,
@@ -95,38 +92,6 @@ class Type:
 _PLAIN = {bool: Type("BOOL"), int: Type("INT"), float: Type("REAL"), Text: Type("CHAR")}
 
 
-@record(frozen=True, slots=True)
-class SystemNames:
-    """What ``system.toml`` lists, names of variables with their $."""
-
-    variables: frozenset[str]
-    read_only: frozenset[str]
-    structures: frozenset[str]
-    constants: Mapping[str, frozenset[str]]
-    types: Mapping[str, Type]
-    components: Mapping[str, frozenset[str]]
-
-
-@cache
-def system_names() -> SystemNames:
-    """Return what a controller knows without a declaration in the files at hand."""
-    text = Path(__file__).with_name("system.toml").read_text("utf-8")
-    listed: dict[str, Any] = tomllib.loads(text)
-    types = {
-        f"${name.removesuffix('[]')}": Type(kind, int(name.endswith("[]")))
-        for kind, names in listed["types"].items()
-        for name in names.split()
-    }
-    return SystemNames(
-        variables=frozenset(f"${name}" for name in listed["variables"].split()),
-        read_only=frozenset(f"${name}" for name in listed["read_only"].split()),
-        structures=frozenset(listed["structures"].split()),
-        constants={key: frozenset(text.split()) for key, text in listed["constants"].items()},
-        types=types,
-        components={key: frozenset(text.split()) for key, text in listed["components"].items()},
-    )
-
-
 class Scope:
     """The names that the routines of some modules see.
 
@@ -178,7 +143,7 @@ class Scope:
     def is_type(self, name: str) -> bool:
         """Whether a type of this name is known, if only by its name."""
         here = name in self.structures or name in self.enumerations
-        return here or name in LANGUAGE_TYPES or name in system_names().structures
+        return here or name in LANGUAGE_TYPES or name in system_types()
 
     def components(self, kind: Type) -> frozenset[str] | None:
         """Return the names of a structure's components; None: not known."""
@@ -219,7 +184,7 @@ class Scope:
         data = self._modules[module.dat_path, module.name]
         if name in data:
             return data[name]
-        return self._everywhere.get(name) or system_names().types.get(name)
+        return self._everywhere.get(name) or _system_type(name)
 
     def parameters(self, module: KrlModule, routine: Routine) -> tuple[Type | None, ...]:
         """Return the types of a routine's parameters."""
@@ -294,6 +259,13 @@ class Scope:
             # a component that the type does not have is row 7
             return "" if set(names) & COMPONENTS[wanted.name] else shown
         return shown
+
+
+def _system_type(name: str) -> Type | None:
+    variable = system_variables().get(name)
+    if variable is None or not variable.type:
+        return None
+    return Type(variable.type, 0 if variable.size is None else 1)
 
 
 def declared_names(module: KrlModule) -> frozenset[str]:

@@ -4,27 +4,34 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from postproc.arrays import FloatArray
+from postproc.krl.rules.expressions import settings_of
 from postproc.krl.rules.part import Part, bas, known_number, number
-from postproc.krl.rules.subject import ERROR, MOST_ADVANCE, WARNING, Subject
+from postproc.krl.rules.subject import ERROR, WARNING, Subject
+from postproc.krl.system import components_of, system_variable
 from postproc.krl.text import (
     Aggregate,
     Assign,
     Call,
     Declaration,
     Move,
-    SplineBegin,
     Statement,
     Value,
 )
 
-_INDEXED = re.compile(r"\$(VEL|ACC)_(AXIS|EXTAX)\[(\d+)\]$")
-_PERCENT = ("$APO.CPTP", "$APO.CVEL")
+_INDEX = re.compile(r"\[(\d+)\]")
 _ORIENTATION = ("$VEL.ORI1", "$VEL.ORI2")
+_ROWS = {
+    **dict.fromkeys(("$VEL.CP", "$ACC.CP", "$ACC.ORI1", "$ACC.ORI2"), 15),
+    **dict.fromkeys((*_ORIENTATION, "$VEL_AXIS", "$ACC_AXIS", "$VEL_EXTAX", "$ACC_EXTAX"), 16),
+    **dict.fromkeys(("$ADVANCE", "$APO.CDIS", "$APO.CORI", "$APO.CPTP", "$APO.CVEL"), 17),
+}
+"""Row of the variables that have one; all others are row 30."""
 
 
 def speeds(subject: Subject) -> None:
@@ -40,61 +47,42 @@ def speeds(subject: Subject) -> None:
 
 
 def _speeds(subject: Subject, path: str, statement: Statement) -> None:
-    for line, name, value in _settings(statement):
-        _setting(subject, path, line, name, value)
+    for item in settings_of(statement):
+        for name, value in _parts(item):
+            _setting(subject, path, statement.line, name, value)
     if isinstance(statement, Call):
         _bas(subject, path, statement)
 
 
-def _settings(statement: Statement) -> Sequence[tuple[int, str, Value]]:
-    """Return (line, variable, value) of everything a statement sets."""
-    kind = type(statement)
-    if kind is Assign:
-        return _set(statement.line, statement)  # type: ignore[arg-type]
-    if kind is Move or kind is SplineBegin:
-        items = statement.settings  # type: ignore[attr-defined]
-        return [found for item in items for found in _set(statement.line, item)]
-    return ()
-
-
-def _set(line: int, item: Assign) -> Sequence[tuple[int, str, Value]]:
+def _parts(item: Assign) -> Sequence[tuple[str, Value]]:
+    """Return what an assignment sets: (variable, value), structures by component."""
     name, value = item.target.upper(), item.value
-    if isinstance(value, Aggregate) and name in ("$VEL", "$ACC", "$APO"):
-        return [(line, f"{name}.{key.upper()}", component) for key, component in value.fields]
-    return ((line, name, value),)
+    if isinstance(value, Aggregate) and name in components_of():
+        return [(f"{name}.{key.upper()}", component) for key, component in value.fields]
+    return ((name, value),)
 
 
 def _setting(subject: Subject, path: str, line: int, name: str, value: Value) -> None:
-    found = number(value)
-    indexed = _INDEXED.match(name) if name.endswith("]") else None
-    if indexed:
-        _axis(subject, path, line, name, int(indexed.group(3)), found)
+    """Check index and number of a system variable against the table."""
+    variable = system_variable(name) if name.startswith("$") else None
+    if variable is None:
+        return
+    if variable.name in _ORIENTATION:
+        variable = replace(variable, most=subject.options.orientation_speed_max)
+    row, found = _ROWS.get(variable.name, 30), number(value)
+    index = _INDEX.search(name)
+    if variable.size and index and not 1 <= int(index.group(1)) <= variable.size:
+        message = f"{name}: the index goes from 1 to {variable.size}"
+        hint = "$VEL_EXTAX[i] for external axes" if "_AXIS" in name else ""
+        subject.add(row, ERROR, path, line, message, hint)
     elif found is None:
         return
     elif name == "$VEL.CP":
         _path_speed(subject, path, line, found, by_bas=False)
-    elif name in _ORIENTATION:
-        most = subject.options.orientation_speed_max
-        if not 0.0 < found <= most:
-            message = f"{name} {found:g} deg/s, expected above 0 and at most {most:g}"
-            subject.add(16, ERROR, path, line, message)
-    else:
-        _approximation(subject, path, line, name, found)
-
-
-def _approximation(subject: Subject, path: str, line: int, name: str, value: float) -> None:
-    if name == "$ADVANCE":
-        if value not in range(MOST_ADVANCE + 1):
-            expected = f"expected 0 to {MOST_ADVANCE}"
-            subject.add(17, ERROR, path, line, f"$ADVANCE {value:g}, {expected}")
-    elif name in _PERCENT:
-        if not 0.0 <= value <= 100.0:
-            subject.add(17, ERROR, path, line, f"{name} {value:g} %, expected 0 to 100")
-    elif name in ("$APO.CDIS", "$APO.CORI"):
-        if value < 0.0:
-            subject.add(17, ERROR, path, line, f"{name} {value:g} is negative")
-    elif name == "$ACC.CP" and value <= 0.0:
-        subject.add(15, ERROR, path, line, f"$ACC.CP {value:g} m/s^2, expected above 0")
+    elif not variable.takes(found):
+        unit = f" {variable.unit}" if variable.unit else ""
+        message = f"{name} {found:g}{unit}, expected {variable.expected}"
+        subject.add(row, ERROR, path, line, message)
 
 
 def _path_speed(subject: Subject, path: str, line: int, value: float, *, by_bas: bool) -> None:
@@ -111,17 +99,6 @@ def _path_speed(subject: Subject, path: str, line: int, value: float, *, by_bas:
     elif value > options.path_speed_default:
         message = f"{value:g} m/s is above the default of {options.path_speed_default:g}"
         subject.add(15, WARNING, path, line, message)
-
-
-def _axis(
-    subject: Subject, path: str, line: int, name: str, index: int, value: float | None
-) -> None:
-    if not 1 <= index <= 6:
-        hint = "$VEL_EXTAX[i] for external axes" if "_AXIS" in name else ""
-        subject.add(16, ERROR, path, line, f"{name}: the index goes from 1 to 6", hint)
-    elif value is not None and not 0.0 < value <= 100.0:
-        message = f"{name} {value:g} %, expected above 0 and at most 100"
-        subject.add(16, ERROR, path, line, message)
 
 
 def _bas(subject: Subject, path: str, call: Call) -> None:
@@ -186,7 +163,7 @@ def _distances(part: Part) -> FloatArray:
     ):
         if isinstance(statement, Assign):
             if statement.target.upper().startswith("$APO"):
-                for _, name, value in _settings(statement):
+                for name, value in _parts(statement):
                     if name == "$APO.CDIS":
                         changes.append((index, known_number(value)))
         else:

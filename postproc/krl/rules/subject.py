@@ -11,6 +11,7 @@ from postproc.errors import Finding, Severity, SourceRef
 from postproc.krl.rules.part import Part, RoutineKey, key_of
 from postproc.krl.rules.scope import Scope
 from postproc.krl.rules.values import Points, Written, points_among, written_in
+from postproc.krl.system import system_variables
 from postproc.krl.text import (
     Axes,
     Call,
@@ -28,10 +29,6 @@ ERROR, WARNING, NOTE = Severity.ERROR, Severity.WARNING, Severity.NOTE
 HOUSE_ROWS = frozenset({8, 9, 11, 12, 18, 24})
 """Rows that programs of ours keep and a controller does not ask for: of its own modules they are
 worth a look at most."""
-MOST_ADVANCE = 5
-"""$ADVANCE: most motions that are planned ahead."""
-MOST_ORIENTATION_SPEED = 400.0
-"""$VEL_MA.ORI of a delivered controller [deg/s]."""
 _SHOWN = 100
 """So many findings of one code are listed per file."""
 
@@ -60,7 +57,7 @@ class LintOptions:
     routines: frozenset[str] = frozenset()
     path_speed_max: float = 3.0
     path_speed_default: float = 2.0
-    orientation_speed_max: float = MOST_ORIENTATION_SPEED
+    orientation_speed_max: float = system_variables()["$VEL.ORI1"].most or 0.0
     is_project: bool = False
     max_bytes: int = 1_000_000
     max_points: int = 5_000

@@ -8,21 +8,22 @@ from functools import partial
 
 from postproc.krl.rules.expressions import nodes_of, settings_of
 from postproc.krl.rules.part import Part, bas
-from postproc.krl.rules.scope import declared_names, system_names
+from postproc.krl.rules.scope import declared_names
 from postproc.krl.rules.slips import nearest
 from postproc.krl.rules.subject import ERROR, WARNING, Subject
+from postproc.krl.system import Effect, bas_commands, components_of, system_variable
+from postproc.krl.system import system_variables as listed_variables
 from postproc.krl.text import Assign, Call, Enum, Reference, Statement
 
 _BASE_NAME = re.compile(r"\$\w+")
-_COUNTED = frozenset({"$IN", "$OUT", "$FLAG", "$CYCFLAG", "$ANIN", "$ANOUT", "$TIMER"})
-"""Arrays whose last index depends on the controller."""
 
 
 def system_variables(subject: Subject) -> None:
     """Row 30: system variables exist, are not read only where set, take their constants."""
-    known = system_names().variables | {name.upper() for name in subject.options.names}
+    known = {name.partition(".")[0] for name in listed_variables()}
+    known |= {name.upper() for name in subject.options.names}
     known = known.union(*map(declared_names, subject.modules))
-    commands = subject.scope.enumerations.get("BAS_COMMAND") or system_names().constants["BAS"]
+    commands = subject.scope.enumerations.get("BAS_COMMAND") or bas_commands()
     told: set[tuple[str, str]] = set()
     for part in subject.parts:
         subject.each(part, partial(_variables, subject, part, known, told))
@@ -63,9 +64,11 @@ def _exists(
             subject.add(30, WARNING, part.path, line, message)
         told.add((part.path, name))
         return
-    if name in _COUNTED and node.selectors and node.selectors[0] == (0,):
+    variable = listed_variables().get(name)
+    is_array = variable is not None and variable.size is not None
+    if is_array and node.selectors and node.selectors[0] == (0,):
         subject.add(30, ERROR, part.path, line, f"{name}[0]: the first index is 1")
-    components = system_names().components.get(name, frozenset())
+    components = components_of().get(name, frozenset())
     first = node.selectors[0] if node.selectors else ()
     if components and isinstance(first, str) and first not in components:
         expected = ", ".join(sorted(components))
@@ -76,11 +79,11 @@ def _exists(
 def _set(subject: Subject, part: Part, line: int, item: Assign) -> None:
     found = _BASE_NAME.match(item.target)
     name = found.group().upper() if found else ""
-    if name in system_names().read_only:
+    variable = system_variable(name)
+    if variable is not None and variable.effect is Effect.READ_ONLY:
         subject.add(30, ERROR, part.path, line, f"{name} is read only")
-    constants = system_names().constants.get(name)
-    if constants and isinstance(item.value, Enum):
-        _constant(subject, part, line, name, item.value.name, constants)
+    if variable is not None and variable.constants and isinstance(item.value, Enum):
+        _constant(subject, part, line, name, item.value.name, variable.constants)
 
 
 def _command(subject: Subject, part: Part, call: Call, commands: Collection[str]) -> None:
