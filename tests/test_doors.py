@@ -81,7 +81,7 @@ SLOW = {
     *("postproc.gap", "postproc.jobs", "postproc.planning", "postproc.kinematics"),
     *("postproc.process", "postproc.krl", "postproc.cell", "postproc.model"),
     # a whole format, for a reader that is asked whether a file is its own
-    *("postproc.readers.apt.file", "postproc.readers.delmia.file"),
+    *("postproc.readers.apt.file", "postproc.readers.gcode.file", "postproc.readers.delmia.file"),
 }
 """What a function may load by itself, so that a command starts fast that does not need it."""
 NOT_EVERYWHERE = {"postproc.version", "resource"}

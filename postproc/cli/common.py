@@ -208,13 +208,13 @@ def reading_options(function: Callable[P, R]) -> Callable[P, R]:
             metavar="NAME",
             callback=registered("postproc.readers", "READERS", "auto"),
             shell_complete=completion.parts("postproc.readers", "READERS", "auto"),
-            help="Format of the CAM file: auto, apt, csv, delmia or another one of plugins; "
+            help="Format of the CAM file: auto, apt, csv, delmia, gcode or another one of plugins; "
             "default: the cell's, else auto.",
         ),
         click.option(
             "--dialect",
             help="APT dialect: nx, solidworks, creo, catia, camworks, fusion, hsmworks, mfgsuite, "
-            "camplete, manusnc, postworks, surfcam, apt.",
+            "camplete, manusnc, postworks, surfcam, apt; of G-code: fanuc, linuxcnc.",
         ),
         click.option(
             "--units",

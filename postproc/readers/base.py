@@ -50,7 +50,7 @@ class ReadOptions:
 
     Args:
         units: ``mm``, ``inch`` or ``m`` where the file does not say; None: as the file says.
-        dialect: APT dialect to use instead of the one sniffed from the content.
+        dialect: of APT or G-code, instead of the one sniffed from the content.
         recover: fix what has one possible meaning and list it, instead of an error.
         columns: names of the columns of a CSV file in order, ``-`` for one to leave out.
         tool_axis: (3,) axis of the TCP frame that points out of the tool into the part; turns a
@@ -144,7 +144,8 @@ def read(path: str | Path, format: str = "auto", options: ReadOptions | None = N
 
     Args:
         path: the file.
-        format: ``auto``, or the name of a registered reader: ``apt``, ``csv``, ``delmia``.
+        format: ``auto``, or the name of a registered reader: ``apt``, ``csv``, ``delmia``,
+            ``gcode``.
         options: see ``ReadOptions``.
 
     Raises:

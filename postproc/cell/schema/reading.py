@@ -13,10 +13,10 @@ class ImportTable(Table):
     """How CAM files are read where the call does not say; the same keys as its options."""
 
     format: Text = Field(
-        default="auto", description="auto, apt, csv, delmia or another one of plugins"
+        default="auto", description="auto, apt, csv, delmia, gcode or another one of plugins"
     )
     dialect: Text | None = Field(
-        default=None, description="APT dialect; default: as the file shows"
+        default=None, description="dialect of APT or G-code; default: as the file shows"
     )
     units: Literal["mm", "inch", "m"] | None = Field(
         default=None, description="unit of length where the CAM file names none"

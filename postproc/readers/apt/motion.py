@@ -13,8 +13,8 @@ from postproc.readers.apt.arctext import NAN, WrittenArc, numbers_of
 from postproc.readers.apt.dialect import ArcSense, Dialect, EighthField
 from postproc.readers.apt.scan import CIRCLE, GOTO, RAPID, SKIP, Scan
 from postproc.readers.apt.statement import Statement, bounded
-from postproc.readers.apt.uses import WordUses
 from postproc.readers.text import Faults
+from postproc.readers.uses import WordUses
 from postproc.records import dataclass
 
 _POINT, _POINT_AXIS = 3, 6

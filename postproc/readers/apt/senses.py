@@ -14,8 +14,8 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.model import Arcs, WordClass
 from postproc.readers.apt.arcs import TURN, ArcRecords, other_way, tangency
-from postproc.readers.apt.uses import WordUses
 from postproc.readers.text import Faults
+from postproc.readers.uses import WordUses
 from postproc.records import dataclass
 
 _HALF = 1e-4

@@ -19,9 +19,9 @@ from postproc.readers.apt.resolve import resolve_points
 from postproc.readers.apt.setup import AXIS_NORM_GAP, MatrixComment, SetupTable, TiltedTable
 from postproc.readers.apt.statement import Statement
 from postproc.readers.apt.tools import Place, Said, ToolTable
-from postproc.readers.apt.uses import Key, WordUses
 from postproc.readers.base import ReadOptions
 from postproc.readers.text import Faults
+from postproc.readers.uses import Key, WordUses
 from postproc.records import dataclass
 
 NAN = float("nan")

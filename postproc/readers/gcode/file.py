@@ -1,0 +1,188 @@
+"""G-code of machining centres to a toolpath: the program is run, with its sub-programs.
+
+The tool axis is +z of the coordinates that hold. What moves the machine tool alone (reference
+positions, tool lengths) is not driven and said; what changes the path and is not carried out is
+refused by its code.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from postproc.arrays import IntArray
+from postproc.errors import UsageError
+from postproc.model import Arcs, ToolPath
+from postproc.readers.base import ReadOptions
+from postproc.readers.gcode.blocks import Block, block_of
+from postproc.readers.gcode.execute import execute
+from postproc.readers.gcode.state import Machine
+from postproc.readers.text import Faults, text_blocks
+from postproc.records import dataclass
+
+MOST_BLOCKS = 5_000_000
+"""Blocks that are run at most, those of sub-programs each time: days of milling."""
+_DEEPEST = 10
+"""Calls within calls: LinuxCNC's limit; Fanuc has 4 (10 on the 30i)."""
+DIALECTS = ("fanuc", "linuxcnc")
+_LINUXCNC = ("linuxcnc", "pathpilot", "freecad", "grbl")
+_PROGRAM = re.compile(r"\s*[Oo:](\d{1,8})\b")
+_MOST_REPEATS = 9999
+"""As many as P or L can say on a Fanuc control."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Call:
+    """A sub-program at work: where it begins, how often it is still to run, where it returns."""
+
+    first: int
+    left: int
+    back: int
+
+
+def read_file(path: str, options: ReadOptions) -> ToolPath:
+    """Return the toolpath of a G-code program.
+
+    Raises:
+        ReadError: with a ``GCD`` code and the line.
+        UsageError: GCD017 if the dialect asked for is unknown.
+    """
+    faults = Faults(path, options.recover)
+    lines = _lines(path)
+    if options.dialect not in (None, *DIALECTS):
+        known = ", ".join(DIALECTS)
+        raise UsageError("GCD017", f"no G-code dialect {options.dialect!r}, known are {known}")
+    dialect = options.dialect or _dialect(path, lines)
+    machine = Machine(options, faults, dialect)
+    _run(machine, lines)
+    return _toolpath(machine, path)
+
+
+def _lines(path: str) -> list[str]:
+    lines: list[str] = []
+    for block in text_blocks(path):
+        lines += block.data.decode("latin-1").split("\n")[:-1]
+    return lines
+
+
+def _dialect(path: str, lines: list[str]) -> str:
+    head = "\n".join(lines[:30]).lower()
+    is_linuxcnc = path.lower().endswith(".ngc") or any(name in head for name in _LINUXCNC)
+    return "linuxcnc" if is_linuxcnc else "fanuc"
+
+
+def _run(machine: Machine, lines: list[str]) -> None:
+    faults, at, calls = machine.faults, 0, list[_Call]()
+    programs: dict[int, int] | None = None
+    for _ in range(MOST_BLOCKS):
+        if machine.ended or at >= len(lines):
+            break
+        block = block_of(lines[at], at + 1, faults)
+        at += 1
+        if not block.words:
+            machine.remark = block.comment or machine.remark
+            continue
+        codes = {word.code for word in block.words}
+        if "M98" in codes:
+            programs = _programs(lines) if programs is None else programs
+            if len(calls) >= _DEEPEST:
+                raise faults.error("GCD008", f"calls more than {_DEEPEST} deep", block.line)
+            calls.append(_called(machine, block, programs, at))
+            at = calls[-1].first
+        elif "M99" in codes:
+            if not calls:
+                machine.ended = True
+            elif calls[-1].left > 1:
+                calls[-1] = _Call(calls[-1].first, calls[-1].left - 1, calls[-1].back)
+                at = calls[-1].first
+            else:
+                at = calls.pop().back
+        else:
+            execute(machine, block)
+    else:
+        raise faults.error("GCD008", f"more than {MOST_BLOCKS} blocks are run", len(lines))
+    last = next((line for line in reversed(lines) if line.strip()), "")
+    if calls or not (machine.ended or last.strip() == "%"):
+        faults.fix(
+            "GCD009", "the file ends without M30 or M2, it may be cut off",
+            "it is taken as complete", len(lines),
+        )  # fmt: skip
+
+
+def _programs(lines: list[str]) -> dict[int, int]:
+    """Return the index of the line behind each program number O."""
+    found: dict[int, int] = {}
+    for index, line in enumerate(lines):
+        text = (
+            line.strip().upper().replace(":", "O", 1)
+            if line.lstrip()[:1] == ":"
+            else line.strip().upper()
+        )
+        digits = text[1:5].split("(")[0].strip() if text.startswith("O") else ""
+        if digits.isdigit():
+            found.setdefault(int(digits), index + 1)
+    return found
+
+
+def _called(machine: Machine, block: Block, programs: dict[int, int], back: int) -> _Call:
+    """Return the call of M98: P1234 L2, or P21234 of older controls."""
+    said = {word.letter: word.value for word in block.words}
+    number, repeats = int(said.get("P", -1.0)), int(said.get("L", said.get("K", 1.0)))
+    if number not in programs and number > _MOST_REPEATS:
+        repeats, number = divmod(number, 10_000)
+    if number not in programs:
+        text = f"no sub-program O{number} in this file" if number >= 0 else "M98 without its P"
+        raise machine.faults.error("GCD007", text, block.line)
+    if {"X", "Y", "Z"} & said.keys() or not 1 <= repeats <= _MOST_REPEATS:
+        raise machine.faults.error("GCD007", "M98 with a motion or a wrong count", block.line)
+    return _Call(programs[number], repeats, back)
+
+
+def _toolpath(machine: Machine, path: str) -> ToolPath:
+    rows, arcs = machine.rows, machine.arcs
+    n = len(rows.line)
+    inch = machine.modes.units in ("G20", "G70") or machine.options.units == "inch"
+    return ToolPath(
+        path=path,
+        name=Path(path).stem,
+        format="gcode",
+        dialect=machine.dialect,
+        units="inch" if inch else "mm",
+        points=np.array(rows.points).reshape(n, 3),
+        axes=np.tile([0.0, 0.0, 1.0], (n, 1)),
+        kind=_ints(rows.kind),
+        feed=np.array(rows.feed),
+        line=_ints(rows.line),
+        operation=_ints(rows.operation),
+        tool=_ints(rows.tool),
+        arc=_ints(rows.arc),
+        cycle=_ints(rows.cycle),
+        operations=tuple(machine.operations),
+        tools=tuple(machine.tools),
+        arcs=_arcs(machine) if arcs else Arcs.none(),
+        cycles=tuple(machine.cycles),
+        events=tuple(machine.events),
+        setup=_ints(rows.setup) if machine.setups else None,
+        setups=tuple(machine.setups),
+        largest_blend=np.array(rows.blend),
+        word_uses=machine.uses.all(),
+        unknown_words={use.word: len(use.lines) for use in machine.uses.all() if use.refused},
+        warnings=machine.faults.warnings,
+        recovered=machine.faults.fixes,
+    )
+
+
+def _ints(values: list[int]) -> IntArray:
+    return np.array(values, dtype=np.int32)
+
+
+def _arcs(machine: Machine) -> Arcs:
+    arcs = machine.arcs
+    return Arcs(
+        np.array([arc.centre for arc in arcs]),
+        np.array([arc.normal for arc in arcs]),
+        np.array([arc.radius for arc in arcs]),
+        np.array([arc.sweep for arc in arcs]),
+    )

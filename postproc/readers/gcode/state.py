@@ -1,0 +1,140 @@
+"""What holds while a G-code program runs, and the rows of the toolpath that it has made."""
+
+from __future__ import annotations
+
+from dataclasses import field
+
+import numpy as np
+
+from postproc.arrays import FloatArray
+from postproc.model import CamSetup, CamTool, Cycle, Event, EventKind, MotionKind, Operation
+from postproc.readers.base import LENGTH_UNITS, ReadOptions
+from postproc.readers.gcode.arcs import Arc
+from postproc.readers.text import Faults, shortened
+from postproc.readers.uses import WordUses
+from postproc.records import dataclass
+
+NONE = -1
+
+
+@dataclass(slots=True)
+class Rows:
+    """Columns of the toolpath, one entry a tag."""
+
+    points: list[FloatArray] = field(default_factory=list)
+    kind: list[int] = field(default_factory=list)
+    feed: list[float] = field(default_factory=list)
+    line: list[int] = field(default_factory=list)
+    operation: list[int] = field(default_factory=list)
+    tool: list[int] = field(default_factory=list)
+    arc: list[int] = field(default_factory=list)
+    cycle: list[int] = field(default_factory=list)
+    setup: list[int] = field(default_factory=list)
+    blend: list[float] = field(default_factory=list)
+
+
+@dataclass(slots=True)
+class Modes:
+    """Codes that hold, by their group; ``motion`` empty after G80."""
+
+    motion: str = ""
+    plane: str = "G17"
+    distance: str = ""
+    centre: str = "G91.1"
+    feed: str = "G94"
+    retract: str = ""
+    path: str = "G64"
+    units: str = ""
+
+
+@dataclass(slots=True)
+class Drill:
+    """A series of holes: the level [m] it began at, and words that hold until G80."""
+
+    initial: float = float("nan")
+    words: dict[str, float] = field(default_factory=dict)
+
+
+class Machine:
+    """The control that the program believes to run on; lengths [m], NaN where not known."""
+
+    def __init__(self, options: ReadOptions, faults: Faults, dialect: str) -> None:
+        self.options, self.faults, self.dialect = options, faults, dialect
+        self.uses = WordUses()
+        self.modes = Modes()
+        self.rows = Rows()
+        self.drill = Drill()
+        self.position: FloatArray = np.full(3, np.nan)
+        self.homed_line = 0
+        """Line of a reference move along z since the last tag, 0 for none."""
+        self.feed = float("nan")
+        """As written: [m/min], [m/turn] with G95."""
+        self.speed, self.turning = float("nan"), 0.0
+        """Spindle speed [turns/s] as S says; 1 clockwise, -1 counterclockwise, 0 standing."""
+        self.selected, self.tool, self.base = NONE, NONE, NONE
+        self.tools: list[CamTool] = []
+        self.setups: list[CamSetup] = []
+        self.cycles: dict[Cycle, int] = {}
+        self.arcs: list[Arc] = []
+        self.events: list[Event] = []
+        self.operations: list[Operation] = []
+        self.remark = ""
+        self.ended = False
+
+    @property
+    def absolute(self) -> bool:
+        """Whether coordinates count from the origin."""
+        return self.modes.distance != "G91"
+
+    def scale(self, line: int) -> float:
+        """Return metres per unit of length.
+
+        Raises:
+            ReadError: GCD005 where neither the file nor the call says, GCD006 where they disagree.
+        """
+        stated = {"G20": "inch", "G70": "inch", "G21": "mm", "G71": "mm"}.get(self.modes.units)
+        asked = self.options.units
+        if stated is None and asked is None:
+            raise self.faults.error(
+                "GCD005", "neither G20 nor G21 before the first length, expected one", line,
+                hint="say it with --units mm or --units inch",
+            )  # fmt: skip
+        if stated is not None and asked not in (None, stated):
+            raise self.faults.error(
+                "GCD006", f"the file is in {stated}, but --units says {asked}", line
+            )
+        return LENGTH_UNITS[stated or str(asked)]
+
+    def event(self, kind: EventKind, line: int, value: float = 0.0, text: str = "") -> None:
+        """Keep what happens before the next tag."""
+        self.events.append(Event(len(self.rows.line), kind, value, text, line))
+
+    def tag(self, kind: MotionKind, point: FloatArray, line: int, **more: float) -> None:
+        """Add a tag: ``feed`` [m/s], ``arc`` and ``cycle`` as indices, ``blend`` [m]."""
+        if self.remark:
+            self.operations.append(Operation(shortened(self.remark), line))
+            self.remark = ""
+        rows = self.rows
+        rows.points.append(point.copy())
+        rows.kind.append(int(kind))
+        rows.feed.append(more.get("feed", float("nan")))
+        rows.line.append(line)
+        rows.operation.append(len(self.operations) - 1)
+        rows.tool.append(self.tool)
+        rows.arc.append(int(more.get("arc", NONE)))
+        rows.cycle.append(int(more.get("cycle", NONE)))
+        rows.setup.append(self.base)
+        exact = self.modes.path == "G61"
+        rows.blend.append(0.0 if exact else more.get("blend", float("nan")))
+
+    def path_feed(self, line: int) -> float:
+        """Return the feed of a cut [m/s], NaN where the file gives none.
+
+        Raises:
+            ReadError: GCD014 for a feed per turn while the speed is not known.
+        """
+        if self.modes.feed != "G95":
+            return self.feed / 60.0
+        if not self.speed > 0.0:
+            raise self.faults.error("GCD014", "a feed per turn without a spindle speed", line)
+        return self.feed * self.speed
