@@ -107,7 +107,10 @@ class SourceRef:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One finding: stable code or ``RunKind``, message, the tag and the source line it is about."""
+    """One finding: stable code or ``RunKind``, message, the tag and the source line it is about.
+
+    ``headline``: it stands first among those of its severity, and in the first line of an answer.
+    """
 
     severity: Severity
     code: str
@@ -116,6 +119,7 @@ class Finding:
     source: SourceRef | None = None
     count: int = 1
     hint: str = ""
+    headline: bool = False
 
     @property
     def is_error(self) -> bool:
@@ -210,11 +214,17 @@ _URGENCY = {Severity.ERROR: 0, Severity.WARNING: 1, Severity.NOTE: 2}
 def fold(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     """Fold findings of equal severity, code and message into the first of them with a count.
 
-    What forbids a program stands first, then warnings, then notes; each in the order found.
+    What forbids a program stands first, then warnings, then notes; each in the order found, but
+    for headlines.
     """
     first: dict[tuple[str, str, str], Finding] = {}
     for finding in findings:
         key = (finding.severity, finding.code, finding.message)
         known = first.get(key)
         first[key] = replace(known, count=known.count + finding.count) if known else finding
-    return tuple(sorted(first.values(), key=lambda finding: _URGENCY[finding.severity]))
+    return tuple(sorted(first.values(), key=lambda f: (_URGENCY[f.severity], not f.headline)))
+
+
+def headlines(findings: Iterable[Finding]) -> list[str]:
+    """Return in words what the first lines of an answer say beside good or bad."""
+    return [finding.message for finding in findings if finding.headline and not finding.is_error]

@@ -26,6 +26,7 @@ from postproc.cell.choices import (
     PointService,
     Preset,
     RobotSolids,
+    SpindleStart,
     Split,
     Strategy,
 )
@@ -80,6 +81,7 @@ __all__ = [
     "Provenance",
     "Robot",
     "RobotSolids",
+    "SpindleStart",
     "Split",
     "Strategy",
     "TiltRange",

@@ -20,6 +20,7 @@ from postproc.cell.choices import (
     PointService,
     Preset,
     RobotSolids,
+    SpindleStart,
     Split,
     Strategy,
 )
@@ -306,7 +307,9 @@ class Process:
 
     ``operations``: the wrench (6,) of single operations of the CAM file, by name. ``hole``: names
     of the routines called at each hole, in order; ``unit_feeds``: the end effector drills while the
-    robot stands; ``least_feed``: lowest share of a feed that the process takes, 0 for any.
+    robot stands; ``least_feed``: lowest share of a feed that the process takes, 0 for any;
+    ``spindle``: who starts it, None: nothing says it; ``spindle_turns``: speed [turns/s] that the
+    program starts it with where a file gives none, 0 without.
     """
 
     wrench_tcp: FloatArray
@@ -314,6 +317,8 @@ class Process:
     hole: tuple[str, ...] = ()
     unit_feeds: bool = False
     least_feed: float = 0.0
+    spindle: SpindleStart | None = None
+    spindle_turns: float = 0.0
 
     def wrench_of(self, operation: str) -> FloatArray:
         """Return the wrench (6,) of an operation of the CAM file."""

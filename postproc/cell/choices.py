@@ -36,6 +36,14 @@ class PointService(StrEnum):
     PATH = auto()
 
 
+class SpindleStart(StrEnum):
+    """Who starts the spindle: the program by its routines, the end effector, or a person."""
+
+    PROGRAM = auto()
+    UNIT = auto()
+    HAND = auto()
+
+
 class ArcMotion(StrEnum):
     """Arcs as circular motions where possible, or as lines."""
 

@@ -54,7 +54,7 @@ from postproc.geometry import transform, transform_from_kuka
 from postproc.records import dataclass
 from postproc.resources import templates_folder
 from postproc.toml import Location, TomlText, parse_toml
-from postproc.units import DEG, MM, NMM_PER_RAD, PERCENT
+from postproc.units import DEG, MM, NMM_PER_RAD, PERCENT, RPM
 
 _AXES = {
     f"{sign}{name}": direction * np.eye(3)[place]
@@ -378,6 +378,8 @@ def _process(file: CellFile) -> Process:
         hole_steps(table),
         table.feed_by == "unit",
         0.0 if table.least_feed_percent is None else table.least_feed_percent * PERCENT,
+        table.started_by,
+        0.0 if table.spindle_rpm is None else table.spindle_rpm * RPM,
     )
 
 

@@ -11,6 +11,7 @@ import click
 from postproc.cli.common import NOT_NEGATIVE, NUMBER, POSITIVE
 from postproc.errors import CellError
 
+STARTS = ("program", "unit", "hand")
 AXES = ("+x", "-x", "+y", "-y", "+z", "-z")
 _HOME = "0 -90 90 0 45 0"
 
@@ -52,6 +53,13 @@ def ask(options: dict[str, Any], propose: Callable[[], bool]) -> None:
     _put(options, "base_number", "BASE number on the controller", "1", int)
     _files(options, "workpiece_mesh", "Mesh of the workpiece in CAM coordinates")
     _put(options, "home", "Home, A1 to A6 [deg], - = none", _HOME, _home)
+    if options["spindle"] is None:
+        question = "Who starts the spindle: the program, the end effector (unit), or a person"
+        choice = click.Choice(STARTS)
+        options["spindle"] = click.prompt(question, "program", type=choice, err=True)
+    if options["spindle"] == "program":
+        question = "Its speed where the CAM file gives none [1/min], empty = such files are refused"
+        _put(options, "spindle_rpm", question, "", _feed)
     question = "Feed where the CAM file gives none [mm/min], empty = such files are refused"
     _put(options, "feed", question, "", _feed)
 

@@ -26,10 +26,13 @@ from postproc.model import ModelFile, Plan, ToolPath, load_model
 from postproc.planning import PlanOptions, grade_counts, near_solids, settle, tag_clearances
 from postproc.planning import plan as plan_toolpath
 from postproc.process import (
+    as_served,
     bases_named,
+    driven,
     feed_findings,
     machining_findings,
     restart_notes,
+    start_findings,
     unit_findings,
     with_orientation,
     word_findings,
@@ -148,10 +151,12 @@ def convert(
 
         model = load_model(request.model)
         cell = cell_with_model(cell, model)
+    served = as_served(toolpath, cell)
     words = (
         *warned_doubts(cell),
         *word_findings(words_settled(toolpath, cell)),
-        *machining_findings(toolpath, cell),
+        *start_findings(served, cell),
+        *machining_findings(driven(served, cell), cell),
         *unit_findings(toolpath, cell),
         *feed_findings(toolpath, cell),
         *restart_notes(toolpath, cell),

@@ -49,12 +49,12 @@ from postproc.process import (
     ToolStretch,
     as_served,
     claimed,
+    driven,
     hole_calls,
     hole_steps,
     holes_served,
     peck_count,
     reordered,
-    switched_off,
     with_turns,
     without_repeats,
 )
@@ -119,7 +119,7 @@ def _plan_in(
 ) -> Plan:
     """Return the plan in a cell as it is settled."""
     settings = settle(cell, options)[1]
-    claims = claimed(switched_off(as_served(toolpath, cell)), cell)
+    claims = claimed(driven(as_served(toolpath, cell), cell), cell)
     toolpath = with_turns(claims.toolpath)
     if any(finding.is_error for finding in claims.findings) and not options.partial:
         return Plan.nothing(toolpath, options.name or toolpath.name, claims.findings)

@@ -35,7 +35,16 @@ from postproc.process.order import hole_places, hole_runs, reordered
 from postproc.process.passing import may_be_passed, only, without_repeats
 from postproc.process.pointlist import as_served
 from postproc.process.repeats import apart, repeated_tags, repeats
-from postproc.process.spindle import Stretch, may_stand, stretches, switched_off
+from postproc.process.spindle import (
+    START_HINT,
+    Stretch,
+    driven,
+    may_stand,
+    start_findings,
+    started_by_none,
+    stretches,
+    switched_off,
+)
 from postproc.process.strokes import (
     CHIP_LIFT,
     FEED_OUT,
@@ -67,6 +76,7 @@ __all__ = [
     "NUMBER",
     "PLUNGING",
     "SHARPEST",
+    "START_HINT",
     "TAPS",
     "Claims",
     "Stretch",
@@ -78,6 +88,7 @@ __all__ = [
     "carried",
     "claimed",
     "coolant_mode",
+    "driven",
     "feed_findings",
     "feeds_of",
     "feeds_out",
@@ -105,6 +116,8 @@ __all__ = [
     "repeated_tags",
     "repeats",
     "restart_notes",
+    "start_findings",
+    "started_by_none",
     "stretches",
     "switched_off",
     "tool_words",

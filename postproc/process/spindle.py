@@ -10,15 +10,22 @@ from dataclasses import replace
 
 import numpy as np
 
-from postproc.cell import Cell, Tool
+from postproc.arrays import IndexArray
+from postproc.cell import Cell, SpindleStart, Tool
 from postproc.errors import Finding, Severity, SourceRef
-from postproc.model import WORKING, Event, EventKind, ToolPath
+from postproc.model import CUTS, WORKING, Event, EventKind, MotionKind, ToolPath
 from postproc.process.claims import claimed
 from postproc.records import dataclass
 from postproc.units import RPM
 
+_DEFAULT = "added: the file names no speed, the cell does"
 _ADDED = "added: the file leaves it on"
 _AGAIN = "added: the file does not stop it"
+START_HINT = (
+    "give a speed in the CAM file or as [process] spindle_rpm, or say who starts it: "
+    'spindle = "unit" or "hand"'
+)
+"""What helps where nothing is known to start the spindle."""
 _STANDING = frozenset({"SPINDL", "SPINDL/OFF"})
 """Words by which cuts at a standstill are accepted."""
 _SWITCHES = {
@@ -53,6 +60,71 @@ def stretches(events: Sequence[Event], count: int) -> Iterator[Stretch]:
             turns = (event.value or float("nan")) if is_on else 0.0
             now = Stretch(event.index, count, event, is_on, turns)
     yield now
+
+
+def started_by_none(toolpath: ToolPath) -> IndexArray:
+    """Return the tags (k,) that are drilled or milled before the file names the spindle at all.
+
+    Points that are only touched need none.
+    """
+    kind = np.asarray(toolpath.kind)
+    works = np.isin(kind, CUTS)
+    works |= (kind == MotionKind.HOLE) & (np.asarray(toolpath.cycle) >= 0)
+    named = next((part.stop for part in stretches(toolpath.events, len(kind))), 0)
+    return np.flatnonzero(works[:named])
+
+
+def driven(toolpath: ToolPath, cell: Cell) -> ToolPath:
+    """Return the toolpath with all switching of the spindle that the file leaves to others.
+
+    Where the file names no speed before it cuts, the cell's is that of the start, the way round
+    that the tool cuts; ``switched_off`` adds the rest.
+    """
+    speed = cell.process.spindle_turns
+    tags = started_by_none(toolpath)
+    if not speed or not len(tags) or may_stand(toolpath, cell):
+        return switched_off(toolpath)
+    tool = claimed(toolpath, cell).tool[tags]
+    first = np.flatnonzero(np.diff(tool, prepend=-2))
+    starts = [
+        Event(
+            tag,
+            EventKind.SPINDLE_ON,
+            speed if cell.tools[index].cuts_clockwise else -speed,
+            _DEFAULT,
+            int(toolpath.line[tag]),
+        )
+        for tag, index in zip(tags[first].tolist(), tool[first].tolist(), strict=True)
+    ]
+    events = sorted((*toolpath.events, *starts), key=lambda event: event.index)
+    return switched_off(replace(toolpath, events=tuple(events)))
+
+
+def start_findings(toolpath: ToolPath, cell: Cell) -> list[Finding]:
+    """Return PRC004 where nothing is known to start the spindle that a toolpath needs.
+
+    An error where the cell wants the program to do it, else a warning that stands first.
+    """
+    tags, who = started_by_none(toolpath), cell.process.spindle
+    elsewhere = who in (SpindleStart.UNIT, SpindleStart.HAND) or cell.process.spindle_turns
+    if elsewhere or not len(tags) or may_stand(toolpath, cell):
+        return []
+    holes = int((np.asarray(toolpath.kind)[tags] == MotionKind.HOLE).sum())
+    counts = ((holes, "holes are drilled"), (len(tags) - holes, "points are milled"))
+    work = " and ".join(f"{count} {what}" for count, what in counts if count)
+    first = int(tags[0])
+    must = who is SpindleStart.PROGRAM
+    return [
+        Finding(
+            Severity.ERROR if must else Severity.WARNING,
+            "PRC004",
+            f"the program does not start the spindle: {work}, no speed is given",
+            first if must else None,
+            toolpath.source(first),
+            hint=START_HINT,
+            headline=True,
+        )
+    ]
 
 
 def switched_off(toolpath: ToolPath) -> ToolPath:

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-import numpy as np
-
 from postproc.errors import Finding, RunKind, Severity, SourceRef
-from postproc.model import WORKING, EventKind, ToolPath, WordUse
+from postproc.model import ToolPath, WordUse
 
 _MOST_LINES = 12
 
@@ -15,11 +13,10 @@ _MOST_LINES = 12
 def word_findings(toolpath: ToolPath) -> tuple[Finding, ...]:
     """Return one finding for each word that is not carried out as it stands, with its lines.
 
-    A refused one is an error WRD001, those left out for the same reason are one note WRD003; a
-    spindle that is never named is a note WRD004.
+    A refused one is an error WRD001, those left out for the same reason are one note WRD003.
     """
     refused = [_refused(toolpath, use) for use in toolpath.word_uses if use.refused]
-    return (*refused, *_notes(toolpath), *_no_spindle(toolpath))
+    return (*refused, *_notes(toolpath))
 
 
 def refusals(findings: Iterable[Finding]) -> tuple[Finding, ...]:
@@ -74,21 +71,3 @@ def _notes(toolpath: ToolPath) -> list[Finding]:
 
 def _quoted(word: str) -> str:
     return f'"{word}"' if not word.replace("/", "").replace("-", "").isalnum() else word
-
-
-def _no_spindle(toolpath: ToolPath) -> list[Finding]:
-    """Return the note that the spindle is left to the integrator."""
-    named = any(
-        event.kind in (EventKind.SPINDLE_ON, EventKind.SPINDLE_OFF) for event in toolpath.events
-    )
-    works = np.isin(toolpath.kind, WORKING).any()
-    if named or not works:
-        return []
-    return [
-        Finding(
-            Severity.NOTE,
-            "WRD004",
-            "the file never names the spindle: the program neither starts nor stops it",
-            source=SourceRef(toolpath.path),
-        )
-    ]

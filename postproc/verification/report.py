@@ -181,6 +181,6 @@ def _entry(finding: Finding) -> dict[str, Any]:
 
 
 def in_order(findings: list[Finding], severity: Severity) -> tuple[Finding, ...]:
-    """Return the findings of a severity, each once, by file and line."""
+    """Return the findings of a severity, each once: headlines first, then by file and line."""
     own = dict.fromkeys(item for item in findings if item.severity is severity)
-    return tuple(sorted(own, key=lambda item: (item.place, item.code)))
+    return tuple(sorted(own, key=lambda item: (not item.headline, item.place, item.code)))

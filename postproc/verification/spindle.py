@@ -1,7 +1,7 @@
 """The spindle as the text of a program drives it: it turns, the right way, before anything cuts.
 
 Read from the calls of the integrator's routines and the motions between them alone. A program that
-never calls them leaves the spindle to others.
+never calls them leaves the spindle to others: the cell says whether it may.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.cell import Cell
+from postproc.cell import Cell, SpindleStart
 from postproc.controller import EventWord, TraceEvent
-from postproc.errors import RunKind, Severity
+from postproc.errors import Finding, RunKind, Severity, SourceRef
 from postproc.geometry import angle_between
-from postproc.process import machining_speeds, rapid_speeds
+from postproc.process import START_HINT, machining_speeds, rapid_speeds
 from postproc.units import RPM
 from postproc.verification.report import Result
 
@@ -29,7 +29,7 @@ _UNNAMED = np.inf
 
 
 def check_spindle(
-    result: Result, cell: Cell, is_cut: BoolArray | None, accepted: bool = False
+    result: Result, cell: Cell, is_cut: BoolArray | None, *, accepted: bool, needs_start: bool
 ) -> None:
     """Check that the spindle turns as the tool cuts, at every cut and at no time after the last.
 
@@ -39,6 +39,7 @@ def check_spindle(
         is_cut: (m,) motions that cut; None: path motions of machining speed; what of faster ones is
             not known is said.
         accepted: whether the user knows that cuts at a standstill are meant.
+        needs_start: false where the CAM file starts it, or has nothing to drill or mill.
     """
     hooks = {key: name.upper() for key, name in cell.krl.hooks.items()}
     words = {hooks[key]: key for key in _ROUTINES if key in hooks}
@@ -48,6 +49,10 @@ def check_spindle(
         if event.word is EventWord.HOOK and event.name in words
     ]
     if not calls:
+        if needs_start and not accepted:
+            _never_started(
+                result, cell, _guessed(result, cell, [])[0] if is_cut is None else is_cut
+            )
         return
     cuts, unknown = (is_cut, None) if is_cut is not None else _guessed(result, cell, calls)
     turns = _turns(calls, words, len(result.paths))
@@ -68,6 +73,19 @@ def check_spindle(
     if words[calls[-1].name] not in _STOPS:
         text = "the program ends while the spindle turns"
         result.finding_at(RunKind.SPINDLE, result.paths.trace.place_of(calls[-1]), text)
+
+
+def _never_started(result: Result, cell: Cell, cuts: BoolArray) -> None:
+    """Tell of cuts (m,) without a routine that starts the spindle, as the cell takes them."""
+    who = cell.process.spindle
+    if not cuts.any() or who in (SpindleStart.UNIT, SpindleStart.HAND):
+        return
+    text = f"the program does not start the spindle, {int(cuts.sum())} motions cut"
+    severity = Severity.ERROR if who is SpindleStart.PROGRAM else Severity.WARNING
+    source = SourceRef(*result.paths.trace.place(int(np.argmax(cuts))))
+    result.findings.append(
+        Finding(severity, RunKind.SPINDLE, text, source=source, hint=START_HINT, headline=True)
+    )
 
 
 def _guessed(result: Result, cell: Cell, calls: list[TraceEvent]) -> tuple[BoolArray, BoolArray]:

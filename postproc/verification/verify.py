@@ -39,12 +39,13 @@ from postproc.paths import Displacement, cycle_time, durations, joint_paths, run
 from postproc.process import (
     as_served,
     claimed,
+    driven,
     holes_served,
     machining_findings,
     machining_speeds,
     may_stand,
     refusals,
-    switched_off,
+    started_by_none,
     unit_findings,
     word_findings,
 )
@@ -126,15 +127,18 @@ def verify(
     check_blending(result)
     check_capacity(result, cell, modules)
     report(2, 4, "comparison")
-    comparison = None
+    comparison, needs_start = None, True
     if toolpath is not None:
         claims = claimed(toolpath, cell)
         toolpath = claims.toolpath
         asked = (*word_findings(toolpath), *claims.findings, *unit_findings(toolpath, cell))
         result.findings += refusals(asked)
+        toolpath = as_served(toolpath, cell)
+        needs_start = len(started_by_none(toolpath)) > 0
+        toolpath = driven(toolpath, cell)
         found = machining_findings(toolpath, cell)
         result.findings += [replace(item, code=RunKind.SPINDLE, tag_index=None) for item in found]
-        toolpath = holes_served(switched_off(as_served(toolpath, cell)), cell)
+        toolpath = holes_served(toolpath, cell)
         comparison = compare_served(
             result, cell, toolpath, tolerances or Tolerances(), displacement
         )
@@ -147,7 +151,8 @@ def verify(
     if is_cut is not None:
         check_rapids(result, cell, is_cut)
         check_held(result, cell, is_cut)
-    check_spindle(result, cell, is_cut, may_stand(toolpath, cell))
+    accepted = may_stand(toolpath, cell)
+    check_spindle(result, cell, is_cut, accepted=accepted, needs_start=needs_start)
     report(3, 4, "collisions")
     at = blended(paths)
     corners = corners_of(paths, kinematics, at)

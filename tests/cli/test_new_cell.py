@@ -122,7 +122,7 @@ def test_a_terminal_is_asked_for_what_is_missing(tmp_path):
     command = [sys.executable, "-m", "postproc", "new-cell", "-o", str(path)]
     answers = [
         *("kr210", "KR 210 R2700-2", "1 2 x", "1 2 3", "", "+x", "12.5", "7", "no.stl", ""),
-        *("", "1000 0 500", "", "4", "", "1 2", "0 -90 90 0 30 0", "900"),
+        *("", "1000 0 500", "", "4", "", "1 2", "0 -90 90 0 30 0", "", "4000", "900"),
     ]
     with subprocess.Popen(
         command, stdin=follower, stdout=subprocess.PIPE, stderr=subprocess.PIPE
@@ -145,6 +145,7 @@ def test_a_terminal_is_asked_for_what_is_missing(tmp_path):
     assert (cell.tool.number, cell.workpiece.number) == (7, 4)
     np.testing.assert_allclose(np.degrees(cell.motion.home), [0, -90, 90, 0, 30, 0])
     assert cell.motion.feed == pytest.approx(0.015)
+    assert (cell.process.spindle, cell.process.spindle_turns) == ("program", 4000 / 60)
 
 
 def test_a_terminal_is_shown_a_place_for_a_file(tmp_path):
@@ -152,7 +153,8 @@ def test_a_terminal_is_shown_a_place_for_a_file(tmp_path):
     cam.write_text("x,y,z,i,j,k,depth\n0,0,0,0,0,-1,5\n900,300,0,0,0,-1,5\n")
     leader, follower = pty.openpty()
     command = [sys.executable, "-m", "postproc", "new-cell", "-o", str(path)]
-    answers = ["KR 210 R2700-2", "150 0 250", "", "+x", "0", "", "", str(cam), "", "", "", ""]
+    answers = ["KR 210 R2700-2", "150 0 250", "", "+x", "0", "", "", str(cam)]
+    answers += ["", "", "", "hand", ""]
     with subprocess.Popen(
         command, stdin=follower, stdout=subprocess.PIPE, stderr=subprocess.PIPE
     ) as process:

@@ -66,7 +66,8 @@ class Source:
             while isinstance(parent, ast.IfExp | ast.keyword):
                 parent = parents[parent]
             if isinstance(parent, ast.Call | ast.arguments):
-                self._note(node.value, module, severity_of(parent))
+                for severity in severities_of(parent):
+                    self._note(node.value, module, severity)
 
     def _kind(self, kind, node, parents):
         """Take ``finding(RunKind.FRAME, ...)``: an error unless it is given another severity."""
@@ -105,16 +106,17 @@ def numbers(node, tree):
     return {node.value} if isinstance(node, ast.Constant) else set()
 
 
-def severity_of(call):
-    """Return the severity that a call gives its finding, None where it cannot be told."""
+def severities_of(call):
+    """Return the severities that a call may give its finding, None where it cannot be told."""
     if isinstance(call, ast.arguments):
-        return None
+        return [None]
     name, first = ast.unparse(call.func).rpartition(".")[2], ast.unparse(call.args[0])
     if first.startswith("Severity."):
-        return first.removeprefix("Severity.").lower()
+        return [word.lower() for word in re.findall(r"Severity\.([A-Z]+)", first)]
     if name == "warn":
-        return "warning"
-    return "error" if name in ("error", "fix", "_error") or name.endswith("Error") else None
+        return ["warning"]
+    is_error = name in ("error", "fix", "_error") or name.endswith("Error")
+    return ["error" if is_error else None]
 
 
 @pytest.fixture(scope="module")

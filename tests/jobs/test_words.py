@@ -140,14 +140,6 @@ def test_a_list_with_two_tools_stops(tmp_path, cell, run):
     assert document["code"] == "WRD002"
 
 
-def test_a_file_without_a_spindle_is_noted(tmp_path, cell, run):
-    for body, noted in ((BODY, False), ([w for w in BODY if "SPINDL" not in w], True)):
-        source, _ = source_in(tmp_path, body=body)
-        code, _, err = run("convert", source, "--cell", cell, "-o", tmp_path / "out", "--json")
-        assert code == 0
-        assert ("note WRD004" in err) is noted
-
-
 def test_many_lines_are_counted(tmp_path):
     lines = tuple(range(10, 50))
     use = WordUse("CUTCOM", WordClass.TOOL, lines, "is not carried out", True)

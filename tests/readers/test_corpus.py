@@ -11,7 +11,7 @@ from postproc.cell.file import load_cell
 from postproc.cli.app import run
 from postproc.errors import CellError, ReadError
 from postproc.model.toolpath import MotionKind
-from postproc.process import claimed, word_findings
+from postproc.process import claimed, started_by_none, word_findings
 from postproc.readers import ReadOptions, read
 from postproc.readers.apt.arcs import tangency
 from postproc.readers.apt.finish import straight_neighbours
@@ -83,7 +83,7 @@ for each tool is needed, nothing else helps. Units: none, the NX files have no r
 MMPM.
 """
 NO_SPINDLE = {name for name in NEEDS if name.startswith("nx__")}
-"""They never name the spindle, which is a note."""
+"""They never name the spindle."""
 
 
 def expectations(corpus):
@@ -119,8 +119,7 @@ def test_what_each_file_needs_to_pass(corpus):
         errors = [finding for finding in found if finding.is_error]
         assert [finding.code for finding in errors] == ["WRD001"] * (CUTCOM in needs), name
         assert all(CUTCOM in finding.hint for finding in errors)
-        notes = [finding.code for finding in found if not finding.is_error]
-        assert ("WRD004" in notes) == (name in NO_SPINDLE), name
+        assert bool(len(started_by_none(toolpath))) == (name in NO_SPINDLE), name
         accepted = word_findings(toolpath.accepting(["CUTCOM"]))
         assert not any(finding.is_error for finding in accepted), name
 

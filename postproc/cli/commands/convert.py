@@ -16,6 +16,7 @@ from postproc.cli.common import (
     reading_options,
     standard_options,
 )
+from postproc.errors import headlines
 from postproc.progress import Progress
 
 EPILOG = """\b
@@ -160,6 +161,8 @@ def _summary(
     content: dict[str, Any],
     folder: Path,
 ) -> None:
+    for text in headlines(conversion.findings):
+        session.show(f"careful  {text}")
     if conversion.files:
         session.show(f"program  {folder / next(iter(conversion.files))}")
     else:

@@ -16,7 +16,7 @@ from postproc.cli.common import (
     answer,
     standard_options,
 )
-from postproc.cli.questions import AXES, ask
+from postproc.cli.questions import AXES, STARTS, ask
 from postproc.errors import CellError, SourceRef, UsageError
 
 EPILOG = """\b
@@ -25,7 +25,8 @@ Examples:
   postproc new-cell --backup ARCHIVE.zip -o cell.toml
   postproc new-cell --urdf kuka_quantec_support --tip tool0 -o cell.toml
   postproc new-cell -o cell.toml --robot kuka_kr500_r2830 --tool-xyz 107 0 362 --tool-axis +x \\
-      --input part.cls --tool-number 7 --base-number 3 --home 0 -90 90 0 45 0 --feed 600
+      --input part.cls --tool-number 7 --base-number 3 --home 0 -90 90 0 45 0 --feed 600 \\
+      --spindle program --spindle-rpm 3000
   postproc new-cell -o cell.toml
   postproc new-cell --keys
 """
@@ -33,8 +34,8 @@ _TRIPLE = (NUMBER, NUMBER, NUMBER)
 _SIX = (NUMBER,) * 6
 _OF_BACKUP = (
     "urdf", "tip", "tool_xyz", "tool_abc", "tool_axis", "tool_mass", "workpiece_xyz",
-    "workpiece_abc", "tool_number", "base_number", "home", "feed", "input", "tool_mesh",
-    "workpiece_mesh",
+    "workpiece_abc", "tool_number", "base_number", "home", "spindle", "spindle_rpm", "feed",
+    "input", "tool_mesh", "workpiece_mesh",
 )  # fmt: skip
 """Options that do not go with a backup: it says them, or the cell is edited."""
 
@@ -64,6 +65,13 @@ _OF_BACKUP = (
 @click.option("--base-number", type=int, metavar="N", help="BASE number; default: 1.")
 @click.option("--workpiece-mesh", multiple=True, metavar="FILE", help="Solid, in CAM coordinates.")
 @click.option("--home", type=_SIX, metavar="A1 .. A6", help="Posture to begin and end in [deg].")
+@click.option("--spindle", type=click.Choice(STARTS), help="Who starts the spindle.")
+@click.option(
+    "--spindle-rpm",
+    type=NUMBER,
+    metavar="1/MIN",
+    help="Speed that the program starts it with where the CAM file gives none.",
+)
 @click.option("--feed", type=NUMBER, metavar="MM/MIN", help="Feed where the CAM file gives none.")
 @click.option(
     "--input",
@@ -234,6 +242,7 @@ def _values(options: dict[str, Any], output: Path) -> dict[str, Any]:
         "frame": _frame(options["workpiece_xyz"], options["workpiece_abc"])
     }
     motion: dict[str, Any] = {}
+    process: dict[str, Any] = {}
     given = (
         (tool, "mass_kg", options["tool_mass"]),
         (tool, "number", options["tool_number"]),
@@ -242,6 +251,8 @@ def _values(options: dict[str, Any], output: Path) -> dict[str, Any]:
         (workpiece, "meshes", _meshes(options["workpiece_mesh"], output)),
         (motion, "home_deg", list(options["home"] or ()) or None),
         (motion, "feed_mm_min", options["feed"]),
+        (process, "spindle", options["spindle"]),
+        (process, "spindle_rpm", options["spindle_rpm"]),
     )
     for table, key, value in given:
         if value is not None:
@@ -252,6 +263,7 @@ def _values(options: dict[str, Any], output: Path) -> dict[str, Any]:
         "tool": tool,
         "workpiece": workpiece,
         **({"motion": motion} if motion else {}),
+        **({"process": process} if process else {}),
     }
 
 

@@ -14,6 +14,7 @@ from postproc.cli.common import (
     reading_options,
     standard_options,
 )
+from postproc.errors import headlines
 
 if TYPE_CHECKING:
     from postproc.verification import VerifyReport
@@ -130,7 +131,8 @@ def _show(session: Session, report: VerifyReport) -> None:
     _show_coverage(session, report)
     session.show(f"motions    {report.points}, about {report.cycle_time:.1f} s")
     checked = "" if report.collisions_checked else " (collisions not searched)"
-    session.show(("good" if report.ok else f"{len(report.violations)} violations") + checked)
+    but = "".join(f", but {text}" for text in headlines(report.warnings))
+    session.show(("good" if report.ok else f"{len(report.violations)} violations") + checked + but)
 
 
 def _show_coverage(session: Session, report: VerifyReport) -> None:

@@ -46,7 +46,8 @@ class KukaKrl(Emitter):
             displacement=against.displacement,
         )
         noticed = [i for i in lint(modules) if i.severity is not Severity.NOTE]
-        findings = (*noticed, *report.warnings, *_violations(report, against.displacement))
+        warned = (item for item in report.warnings if not item.headline)  # the job says these
+        findings = (*noticed, *warned, *_violations(report, against.displacement))
         return _read_back(report, findings)
 
     def paths(self, plan: Plan, cell: Cell, kinematics: Kinematics) -> Paths:

@@ -9,7 +9,7 @@ import numpy as np
 
 from postproc.arrays import AnyIntArray, IntArray
 from postproc.cell import Cell
-from postproc.errors import Finding, Severity
+from postproc.errors import Finding, Severity, headlines
 from postproc.model import MoveKind, MoveRole, Plan, ToolPath
 from postproc.planning import FailingPose, PlanMaps, SpinIndex, cell_at, stand_ins
 from postproc.report.parts import (
@@ -106,7 +106,8 @@ def _lead(plan: Plan, findings: Sequence[Finding], failing: dict[int, str]) -> l
     errors = [finding for finding in findings if finding.severity is Severity.ERROR]
     if errors:
         return [f"No program: {errors[0].message}."]
-    lines = [f"{tags} tags, {len(plan)} controller points, about {time_span(total)}."]
+    lines = [f"Careful: {text}." for text in headlines(findings)]
+    lines.append(f"{tags} tags, {len(plan)} controller points, about {time_span(total)}.")
     good = plan.stiffness[np.isfinite(plan.stiffness)]
     if len(good):
         mean, low = good.mean() / N_PER_MM, good.min() / N_PER_MM

@@ -11,6 +11,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray, forward_filled
 from postproc.cell import Cell
+from postproc.errors import headlines
 from postproc.model import ToolPath
 from postproc.planning import FailingPose
 from postproc.records import dataclass
@@ -94,8 +95,9 @@ def verify_page(
 
 
 def _lead(report: VerifyReport) -> list[str]:
+    careful = "".join(f", but {text}" for text in headlines(report.warnings))
     if report.ok:
-        lines = [f"The program is good: {report.points} motions, nothing against them."]
+        lines = [f"The program is good: {report.points} motions, nothing against them{careful}."]
     else:
         first = report.violations[0]
         count = len(report.violations)
