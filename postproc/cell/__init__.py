@@ -32,6 +32,7 @@ from postproc.cell.choices import (
 )
 from postproc.cell.file import cell_toml, load_cell, parse_cell
 from postproc.cell.forms import cam_key
+from postproc.cell.instrument import Instrument
 from postproc.cell.reference import cell_reference
 from postproc.cell.robotfile import (
     KUKA_OFFSETS_DEG,
@@ -68,6 +69,7 @@ __all__ = [
     "ExternalAxis",
     "HomeStyle",
     "Index",
+    "Instrument",
     "KrlOptions",
     "Kss",
     "MeshPlacement",

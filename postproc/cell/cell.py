@@ -24,6 +24,7 @@ from postproc.cell.choices import (
     Split,
     Strategy,
 )
+from postproc.cell.instrument import Instrument
 from postproc.errors import CellError, SourceRef
 from postproc.records import dataclass
 from postproc.units import STANDARD_GRAVITY
@@ -452,6 +453,7 @@ class Cell:
     external_axes: tuple[ExternalAxis, ...] = ()
     measuring_sigma: float | None = None
     """Standard deviation of a reading per axis [m], None where nothing is known of the device."""
+    instrument: Instrument = Instrument()
     origins: Mapping[str, Origin] = field(default_factory=dict)
     joint_compliances: tuple[Callable[[FloatArray], FloatArray], ...] = field(
         default=(), compare=False, repr=False

@@ -26,6 +26,7 @@ from postproc.cell.cell import (
     Workpiece,
 )
 from postproc.cell.forms import cam_key, check_forms, hole_steps
+from postproc.cell.instrument import Instrument
 from postproc.cell.options import krl_of, limits_of, motion_of, optimize_of, reading_of
 from postproc.cell.robotfile import (
     LENGTHS,
@@ -134,7 +135,25 @@ class _Builder:
             accept=tuple(file.verify.accept),
             external_axes=tuple(_external_axis(axis) for axis in file.external_axes),
             measuring_sigma=_in_m(file.measuring.sigma_mm),
+            instrument=self._instrument(),
             origins=_origins(file, robot),
+        )
+
+    def _instrument(self) -> Instrument:
+        table = self.file.measuring
+        stated = {
+            "instrument": table.instrument,
+            "serial": table.serial,
+            "calibrated": table.calibrated,
+            "operator": table.operator,
+            "date": table.date,
+        }
+        return Instrument(
+            _in_m(table.range_sigma_mm),
+            table.range_sigma_mm_per_m * MM,
+            _in_m(table.angle_sigma_mm_per_m),
+            np.array(table.stands_mm) * MM,
+            {name: text for name, text in stated.items() if text is not None},
         )
 
     def _robot(self) -> Robot:

@@ -7,7 +7,13 @@ from pathlib import Path
 
 from postproc.cell import Cell
 from postproc.kinematics import Kinematics
-from postproc.measurement import MeasurementSet, read_campaign, repaired, without_copies
+from postproc.measurement import (
+    MeasurementSet,
+    only_points,
+    read_campaign,
+    repaired,
+    without_copies,
+)
 from postproc.model import ModelFile
 
 
@@ -21,6 +27,8 @@ def readings(
 ) -> MeasurementSet:
     """Return the rows of one campaign, in the units of their columns; remarks say what was wrong.
 
+    Unless ``every_row``, all of them have three coordinates.
+
     Args:
         paths: the files.
         kinematics: of the cell's robot.
@@ -31,10 +39,10 @@ def readings(
 
     Raises:
         DataError: if a file is wrong or lacks a column; for ``every_row`` if a row lacks a joint
-            angle or a coordinate (MEA007).
+            angle or any reading (MEA007), else if many lack a coordinate (MEA013).
     """
     rows = read_campaign(paths, set_aside=not every_row)
     if not every_row:
-        rows = without_copies(rows)
+        rows = only_points(without_copies(rows))
     frame = None if register or model is None else model.registration
     return repaired(rows, kinematics, cell, register, frame)

@@ -11,6 +11,7 @@ from postproc.measurement.columns import (
     WRENCH,
 )
 from postproc.measurement.fill_in import cells, table_to_fill_in
+from postproc.measurement.readings import Readings, has_points, only_points, readings_of
 from postproc.measurement.registration import (
     fit_registration,
     frames_of,
@@ -34,14 +35,18 @@ __all__ = [
     "SPEED",
     "WRENCH",
     "MeasurementSet",
+    "Readings",
     "Remark",
     "SetUps",
     "cells",
     "fit_registration",
     "frames_of",
+    "has_points",
     "in_robroot",
+    "only_points",
     "points_of",
     "read_campaign",
+    "readings_of",
     "repaired",
     "rigid_motion",
     "robust_sigma",

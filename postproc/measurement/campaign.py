@@ -10,7 +10,14 @@ from typing import Any
 import numpy as np
 
 from postproc.errors import DataError, SourceRef
-from postproc.measurement.columns import LABELS, QUANTITIES, Empty, Quantity
+from postproc.measurement.columns import (
+    CONDITIONS,
+    LABELS,
+    NAMED_CONDITIONS,
+    QUANTITIES,
+    Empty,
+    Quantity,
+)
 from postproc.measurement.file import read_measurements
 from postproc.measurement.rows import MeasurementSet
 
@@ -27,7 +34,7 @@ def read_campaign(paths: Sequence[str | Path], set_aside: bool = False) -> Measu
 
     Args:
         paths: the files.
-        set_aside: leave rows out that lack a joint angle or a coordinate, with a remark.
+        set_aside: leave rows out that lack a joint angle or any reading, with a remark.
 
     Raises:
         DataError: MEA011 for a time, temperature or orientation in some of the files only; and
@@ -104,8 +111,14 @@ def _stacked(first: MeasurementSet, second: MeasurementSet, part: Quantity) -> A
                 for rows, v in zip((first, second), values, strict=True)
             ]
         )
-    nothing = [np.zeros((len(rows), len(part.names))) for rows in (first, second)]
-    return np.concatenate([z if v is None else v for v, z in zip(values, nothing, strict=True)])
+    empty = np.nan if part.empty is Empty.PART else 0.0
+    there = next(v for v in values if v is not None)
+    return np.concatenate(
+        [
+            np.full((len(rows), *there.shape[1:]), empty) if v is None else v
+            for rows, v in zip((first, second), values, strict=True)
+        ]
+    )
 
 
 def _own_names(first: MeasurementSet, second: MeasurementSet) -> tuple[str, ...]:
@@ -128,12 +141,21 @@ def _labels(first: MeasurementSet, second: MeasurementSet, name: str) -> tuple[s
 
 def _extra(first: MeasurementSet, second: MeasurementSet) -> dict[str, object]:
     found: dict[str, object] = {}
-    for name, values in first.extra.items():
-        more = second.extra.get(name)
-        if more is None:
+    for name in dict.fromkeys((*first.extra, *second.extra)):
+        values, more = (_condition(rows, name) for rows in (first, second))
+        if values is None or more is None:
             continue
         if isinstance(values, np.ndarray) and isinstance(more, np.ndarray):
             found[name] = np.concatenate([values, more])
         else:
             found[name] = tuple(str(v) for v in (*values, *more))
     return found
+
+
+def _condition(rows: MeasurementSet, name: str) -> Any:  # noqa: ANN401 - numbers or labels
+    """Return a further column; one of a known name is empty where the file does not have it."""
+    if name in rows.extra or name not in CONDITIONS:
+        return rows.extra.get(name)
+    if name in NAMED_CONDITIONS:
+        return ("",) * len(rows)
+    return np.full(len(rows), np.nan)

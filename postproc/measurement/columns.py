@@ -19,8 +19,15 @@ PLANNED = (*EXPECTED, "why")
 """Columns of a table to fill in that say what was planned: not measured, no conditions."""
 
 
-LABELS = ("group", "station", "reflector")
+LABELS = ("group", "station", "reflector", "from_id", "plane")
 """Columns of names: what rows have in common."""
+CONDITIONS = {
+    "tool_no": "tool by which the row was taken",
+    "fixture": "fixture by which the row was taken",
+    **{f"e{i}_{unit}": f"external axis E{i}" for i in range(1, 7) for unit in ("mm", "deg")},
+}
+"""Logged conditions with a name of their own: the first two are names, never numbers."""
+NAMED_CONDITIONS = ("tool_no", "fixture")
 
 
 class Empty(Enum):
@@ -31,7 +38,9 @@ class Empty(Enum):
     COLUMN = auto()
     """All rows have the number, or none."""
     BETWEEN = auto()
-    """It lies between those of the rows around, where few are empty; all of them: not logged."""
+    """It lies between those of the rows around; where most are empty it was not logged."""
+    PART = auto()
+    """Not measured in this row."""
     ZERO = auto()
     """Nothing: no load, direction unknown, standing."""
 
@@ -60,7 +69,20 @@ QUANTITIES = (
         POSITION,
         "measured tool point, in the robot root; anywhere with --register",
         MM,
-        Empty.ERROR,
+        Empty.PART,
+        1e6,
+    ),
+    Quantity("along", ("u_mm",), "reading along a direction, as of a dial gauge", MM, Empty.PART),
+    Quantity("way", ("ux", "uy", "uz"), "that direction in the measured frame", 1.0, Empty.PART),
+    Quantity(
+        "length", ("length_mm",), "distance from a point, as of a ball bar", MM, Empty.PART, 1e6
+    ),
+    Quantity(
+        "origin",
+        ("from_x_mm", "from_y_mm", "from_z_mm"),
+        "that point; where it is not known, `from_id` names it",
+        MM,
+        Empty.PART,
         1e6,
     ),
     Quantity("abc", ORIENTATION, "measured tool orientation, KUKA A, B, C", DEG, Empty.COLUMN),
@@ -82,5 +104,14 @@ QUANTITIES = (
         MM,
         Empty.BETWEEN,
     ),
+    Quantity(
+        "sigmas",
+        ("sx_mm", "sy_mm", "sz_mm"),
+        "the same of each coordinate",
+        MM,
+        Empty.PART,
+    ),
 )
+READINGS = ("position", "along", "length", "plane")
+"""What a row may have read, one of them at least."""
 KNOWN = ("id", *LABELS, *(name for part in QUANTITIES for name in part.names), *PLANNED)

@@ -16,18 +16,28 @@ from typing import Any
 
 import numpy as np
 
-from postproc.arrays import FloatArray
+from postproc.arrays import BoolArray, FloatArray
 from postproc.errors import DataError, SourceRef
 from postproc.files import read_bytes
-from postproc.measurement.columns import DIRECTION, KNOWN, LABELS, QUANTITIES, Empty, Quantity
+from postproc.measurement.columns import (
+    DIRECTION,
+    KNOWN,
+    LABELS,
+    NAMED_CONDITIONS,
+    POSITION,
+    QUANTITIES,
+    READINGS,
+    Empty,
+    Quantity,
+)
 from postproc.measurement.rows import MeasurementSet, Remark
 from postproc.records import dataclass
 
 LARGEST = 1e15
 """No reading in any unit of the columns comes near this."""
 _DECIMAL = re.compile(r"\s*[+-]?\d*[.,]\d+([eE][+-]?\d+)?\s*")
-FEW = 0.25
-"""Share of the rows up to which empty cells lie between the others."""
+MOST = 0.5
+"""Share of empty cells from which a quantity was not logged: most would be guessed."""
 
 
 def read_measurements(path: str | Path, set_aside: bool = False) -> MeasurementSet:
@@ -35,7 +45,7 @@ def read_measurements(path: str | Path, set_aside: bool = False) -> MeasurementS
 
     Args:
         path: the file.
-        set_aside: leave rows out that lack a joint angle or a coordinate, with a remark.
+        set_aside: leave rows out that lack a joint angle or any reading, with a remark.
 
     Returns:
         SI units; a column that is absent or empty in every row is None. Components of the wrench
@@ -45,7 +55,7 @@ def read_measurements(path: str | Path, set_aside: bool = False) -> MeasurementS
         DataError: MEA001 not text, MEA002 no rows, MEA003 a column twice, MEA004 a required
             column is missing, MEA005 wrong number of cells, MEA006 not a number, MEA007 empty or
             not finite, MEA008 beyond any robot, MEA009 a direction that is not -1, 0, +1,
-            MEA010 an incomplete set of columns.
+            MEA010 an incomplete set of columns or cells.
         ReadError: IO001, IO002.
     """
     table = _read_table(path)
@@ -56,10 +66,11 @@ def read_measurements(path: str | Path, set_aside: bool = False) -> MeasurementS
         table, ids = _without_gaps(table, ids, remarks)
     values: dict[str, Any] = {name: _labels(table, name) for name in LABELS}
     for part in QUANTITIES:
-        if part.empty is Empty.BETWEEN:
-            _fill(table, part.names[0], ids, remarks)
-        values[part.field] = _quantity(table, part)
+        values[part.field] = _quantity(table, part, ids, remarks, values.get("time"))
+    if values["position"] is None:
+        values["position"] = np.full((len(ids), 3), np.nan)
     _check_direction(table, values["direction"])
+    _check_readings(table, values)
     return MeasurementSet(
         path=str(path),
         line=np.asarray(table.line, dtype=np.int32),
@@ -77,17 +88,23 @@ def _is_empty(cell: str) -> bool:
 def _without_gaps(
     table: _Table, ids: tuple[str, ...], remarks: list[Remark]
 ) -> tuple[_Table, tuple[str, ...]]:
-    """Return the rows that have all required numbers; all of them where none has."""
+    """Return the rows with all joint angles and a reading; all of them where none has."""
     needed = [n for part in QUANTITIES if part.empty is Empty.ERROR for n in part.names]
+    read = [
+        name
+        for name in ("plane", *(n for p in QUANTITIES if p.field in READINGS for n in p.names))
+        if name in table.columns
+    ]
     lacking = [
         any(_is_empty(table.columns[name][row]) for name in needed)
+        or all(_is_empty(table.columns[name][row]) for name in read)
         for row in range(len(table.line))
     ]
     if not any(lacking) or all(lacking):
         return table, ids
     kept = [row for row, out in enumerate(lacking) if not out]
     gone = tuple(ids[row] for row, out in enumerate(lacking) if out)
-    text = "a joint angle or a coordinate is empty; the rows are left out"
+    text = "a joint angle is empty or nothing was read; the rows are left out"
     remarks.append(Remark("blank", gone, text))
     columns: dict[str, Sequence[str]] = {
         name: [cells[row] for row in kept] for name, cells in table.columns.items()
@@ -96,22 +113,31 @@ def _without_gaps(
     return _Table(table.path, table.header_line, columns, line), tuple(ids[row] for row in kept)
 
 
-def _fill(table: _Table, name: str, ids: tuple[str, ...], remarks: list[Remark]) -> None:
-    """Put into few empty cells of a column what lies between the rows around them."""
-    cells = table.columns.get(name)
-    if cells is None:
-        return
-    empty = np.array([_is_empty(cell) for cell in cells])
-    if not empty.any() or empty.mean() > FEW:
-        return
-    row = np.arange(len(cells))
-    values = _numbers(table, name)
-    filled = np.interp(row, row[~empty], values[~empty])
-    table.columns[name] = [
-        repr(float(v)) if out else cell for cell, v, out in zip(cells, filled, empty, strict=True)
-    ]
+def _filled(
+    name: str,
+    values: FloatArray,
+    ids: tuple[str, ...],
+    remarks: list[Remark],
+    time: FloatArray | None,
+) -> FloatArray | None:
+    """Return a column whose empty cells lie between those around, in time where it is known.
+
+    None where most are empty: it was not logged.
+    """
+    empty = np.isnan(values)
+    if not empty.any():
+        return values
+    if empty.all():
+        return None
     gone = tuple(ids[k] for k in np.flatnonzero(empty))
+    if empty.mean() > MOST:
+        remarks.append(Remark("blank", gone, f"{name} is empty in most rows; not used"))
+        return None
+    course = np.arange(len(values)) if time is None else time
+    order = np.argsort(course, kind="stable")
+    known = order[~empty[order]]
     remarks.append(Remark("blank", gone, f"{name} is empty; taken between the rows around"))
+    return np.where(empty, np.interp(course, course[known], values[known]), values)
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,7 +237,11 @@ def _cells(text: str) -> tuple[list[list[str]], list[int], str]:
 
 
 def _check_header(table: _Table) -> None:
-    for name in (n for part in QUANTITIES if part.empty is Empty.ERROR for n in part.names):
+    needed = [n for part in QUANTITIES if part.empty is Empty.ERROR for n in part.names]
+    others = any(name in table.columns for name in ("u_mm", "length_mm", "plane"))
+    if not others or any(name in table.columns for name in POSITION):
+        needed += POSITION
+    for name in needed:
         if name in table.columns:
             continue
         close = difflib.get_close_matches(
@@ -219,6 +249,37 @@ def _check_header(table: _Table) -> None:
         )
         hint = f"the column {close[0]!r} has another name or unit" if close else ""
         raise table.error("MEA004", f"no column {name!r}, which every measurement needs", hint=hint)
+
+
+def _check_readings(table: _Table, values: dict[str, Any]) -> None:
+    """Refuse rows that read nothing, and readings that lack what they are of."""
+    n = len(table.line)
+    blank = np.full((n, 3), np.nan)
+
+    def there(name: str) -> BoolArray:
+        rows = values[name]
+        if name in LABELS:
+            return np.array([bool(label) for label in rows or ("",) * n])
+        read = np.reshape(blank if rows is None else rows, (n, -1))
+        return np.asarray(np.isfinite(read).any(axis=1))
+
+    def whole(name: str) -> BoolArray:
+        read = blank if values[name] is None else values[name]
+        return np.asarray(np.isfinite(read).all(axis=1))
+
+    way = np.nan_to_num(blank if values["way"] is None else values["way"])
+    lacks = {
+        "reads nothing, expected a coordinate, u_mm, length_mm or plane": ~np.any(
+            [there(name) for name in READINGS], axis=0
+        ),
+        "has u_mm without ux, uy, uz": there("along") & ~(whole("way") & way.any(axis=1)),
+        "has length_mm without from_x_mm, from_y_mm, from_z_mm or from_id": there("length")
+        & ~(whole("origin") | (there("from_id") & ~there("origin"))),
+    }
+    for what, rows in lacks.items():
+        if rows.any():
+            code = "MEA007" if "nothing" in what else "MEA010"
+            raise table.error(code, f"the row {what}", int(np.argmax(rows)))
 
 
 def _numbers(table: _Table, name: str) -> FloatArray:
@@ -263,11 +324,20 @@ def _finite(table: _Table, name: str, values: FloatArray) -> FloatArray:
     return values
 
 
-def _quantity(table: _Table, part: Quantity) -> FloatArray | None:
+def _quantity(
+    table: _Table,
+    part: Quantity,
+    ids: tuple[str, ...],
+    remarks: list[Remark],
+    time: FloatArray | None,
+) -> FloatArray | None:
     """Return (n, k) or (n,) in SI; None where the file does not have it."""
     columns = {name: _numbers(table, name) for name in part.names if name in table.columns}
-    if part.empty in (Empty.COLUMN, Empty.BETWEEN):
-        columns = {name: values for name, values in columns.items() if not np.all(np.isnan(values))}
+    if part.empty is Empty.BETWEEN:
+        filled = {name: _filled(name, v, ids, remarks, time) for name, v in columns.items()}
+        columns = {name: values for name, values in filled.items() if values is not None}
+    if part.empty in (Empty.COLUMN, Empty.PART):
+        columns = {name: v for name, v in columns.items() if not np.all(np.isnan(v))}
     if not columns:
         return None
     missing = [name for name in part.names if name not in columns]
@@ -275,7 +345,7 @@ def _quantity(table: _Table, part: Quantity) -> FloatArray | None:
         raise table.error("MEA010", f"{', '.join(columns)} without {', '.join(missing)}")
     for name, values in columns.items():
         _check(table, name, values, part)
-    nothing = np.zeros(len(table.line))
+    nothing = np.full(len(table.line), np.nan if part.empty is Empty.PART else 0.0)
     stacked = np.stack([columns.get(name, nothing) for name in part.names], axis=-1) * part.unit
     return stacked if len(part.names) > 1 else stacked[:, 0]
 
@@ -285,10 +355,11 @@ def _check(table: _Table, name: str, values: FloatArray, part: Quantity) -> None
     cells = table.columns[name]
     if part.empty is Empty.ZERO:
         values[[not cell.strip() for cell in cells]] = 0.0
-    for row in np.flatnonzero(~np.isfinite(values)).tolist():
+    read = [part.empty is not Empty.PART or bool(cell.strip()) for cell in cells]
+    for row in np.flatnonzero(~np.isfinite(values) & read).tolist():
         shown = cells[row].strip() or "empty"
         raise table.error("MEA007", f"{name} is {shown}, expected a finite number", row)
-    if part.field == "sigma":
+    if part.field in ("sigma", "sigmas", "length"):
         for row in np.flatnonzero(values <= 0.0).tolist():
             raise table.error("MEA008", f"{name} is {values[row]:g}, expected above 0", row)
     for row in np.flatnonzero(np.abs(values) > part.largest).tolist():
@@ -310,6 +381,8 @@ def _labels(table: _Table, name: str) -> tuple[str, ...] | None:
 
 
 def _extra(table: _Table, name: str) -> Any:  # noqa: ANN401 - numbers or labels
+    if name in NAMED_CONDITIONS:
+        return _labels(table, name)
     try:
         values = _numbers(table, name)
     except DataError:

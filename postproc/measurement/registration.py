@@ -165,10 +165,11 @@ def _require_spread(
     own = FEWEST if len(rows.stations) == 1 else _FEWEST_OF_STATION
     for number, name in enumerate(rows.stations):
         here = rows.station == number
-        spread = np.linalg.svd(measured[here] - measured[here].mean(axis=0), compute_uv=False)
         found = _distinct(T_robroot_flange[here, :3].reshape(-1, 12))
-        if postures >= FEWEST and found >= own and spread[1] > 1e-3 * spread[0]:
-            continue
+        if postures >= FEWEST and found >= own:
+            spread = np.linalg.svd(measured[here] - measured[here].mean(axis=0), compute_uv=False)
+            if spread[1] > 1e-3 * spread[0]:
+                continue
         what = f"{found} distinct posture(s)" if found < own else "all points on one line"
         of = f" of station {name!r}" if rows.labelled else ""
         raise DataError(

@@ -17,6 +17,7 @@ from postproc.cell import Cell
 from postproc.errors import DataError
 from postproc.geometry import apply
 from postproc.kinematics import Kinematics
+from postproc.measurement.readings import has_points
 from postproc.measurement.registration import fit_registration, frames_of, points_of
 from postproc.measurement.rows import MeasurementSet, Remark
 from postproc.measurement.setups import set_ups
@@ -66,10 +67,11 @@ def repaired(
 
 def without_copies(measured: MeasurementSet) -> MeasurementSet:
     """Leave rows out that repeat an earlier one to the last digit: nobody read them."""
-    parts = [measured.q, measured.position]
-    parts += [v for v in (measured.direction, measured.qd, measured.wrench) if v is not None]
-    unit = set_ups(measured).unit
-    whole = np.column_stack([*parts, unit])
+    fields = ("q", "position", "along", "way", "length", "origin", "direction", "qd", "wrench")
+    parts = [v for name in fields if (v := getattr(measured, name)) is not None]
+    labels = [v for v in (measured.from_id, measured.plane) if v is not None]
+    parts += [np.unique(np.array(v), return_inverse=True)[1] for v in labels]
+    whole = np.nan_to_num(np.column_stack([*parts, set_ups(measured).unit]))
     first = np.unique(whole, axis=0, return_index=True)[1]
     kept = np.zeros(len(measured), dtype=bool)
     kept[first] = True
@@ -116,11 +118,15 @@ class _Seen:
 
     def register(self, measured: MeasurementSet) -> None:
         """Fit the frame to the rows as they are now."""
+        measured = measured.rows(has_points(measured))
         flange = self.kinematics.fk(measured.q)
         self.fitted = fit_registration(flange, measured.position, self.tcp, rows=set_ups(measured))
 
     def distance(self, measured: MeasurementSet, again: bool = True) -> FloatArray:
-        """Return how far each row (n,) lies from the arm [m]; infinite if none can be said."""
+        """Return how far each row (n,) lies from the arm [m]; infinite if none can be said.
+
+        A row without three coordinates lies as far as usual: nothing is mistaken in it.
+        """
         rows = set_ups(measured)
         try:
             if self.registered and (again or self.fitted is None):
@@ -131,7 +137,10 @@ class _Seen:
         except (DataError, KeyError, np.linalg.LinAlgError):
             return np.full(len(measured), np.inf if again else 0.0)
         expected = apply(T, apply(self.kinematics.fk(measured.q), point))
-        return np.asarray(np.linalg.norm(measured.position - expected, axis=1))
+        away = np.linalg.norm(measured.position - expected, axis=1)
+        whole = has_points(measured)
+        usual = np.median(away[whole]) if whole.any() else 0.0
+        return np.where(whole, away, usual)
 
 
 def _whole_units(measured: MeasurementSet, seen: _Seen, now: float) -> MeasurementSet:

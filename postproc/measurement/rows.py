@@ -36,11 +36,15 @@ class MeasurementSet:
 
     Args:
         path: input file as given; line: (n,) 1-based source lines; ids: row names.
-        q: (n, 6) commanded joints [rad]; position: (n, 3) measured tool point [m].
+        q: (n, 6) commanded joints [rad]; position: (n, 3) measured tool point [m], NaN where a
+            coordinate was not measured (``readings_of`` has every form as one).
         group: labels of rows taken together; abc: (n, 3) measured orientation [rad].
+        along: (n,) reading along way (n, 3); length: (n,) from origin (n, 3), or from the unknown
+            point ``from_id``; plane: name of the plane that was touched. NaN or "" without.
         time: (n,) [s]; temperature: (n,) [degC]; direction: (n, 6) -1, 0, +1; qd: (n, 6) [rad/s].
         wrench: (n, 6) ON the tool at the tool point, axes of robroot [N, N*m].
-        sigma: (n,) standard deviation of the reading per axis, of the instrument [m].
+        sigma: (n,) standard deviation of the reading per axis, of the instrument [m]; sigmas:
+            (n, 3) of each coordinate.
         station, reflector: labels of the set-up of the measuring device and of what it sees.
         extra: unknown columns by name, numbers or labels, offered as conditions.
         remarks: what was wrong in the rows and was worked around.
@@ -59,8 +63,15 @@ class MeasurementSet:
     qd: FloatArray | None = None
     wrench: FloatArray | None = None
     sigma: FloatArray | None = None
+    along: FloatArray | None = None
+    way: FloatArray | None = None
+    length: FloatArray | None = None
+    origin: FloatArray | None = None
+    sigmas: FloatArray | None = None
     station: tuple[str, ...] | None = None
     reflector: tuple[str, ...] | None = None
+    from_id: tuple[str, ...] | None = None
+    plane: tuple[str, ...] | None = None
     extra: Mapping[str, Any] = field(default_factory=dict)
     remarks: tuple[Remark, ...] = ()
 
@@ -88,3 +99,7 @@ class MeasurementSet:
         names = ("line", "ids", *(part.field for part in QUANTITIES), *LABELS)
         extra = {name: some(values) for name, values in self.extra.items()}
         return replace(self, **{n: some(getattr(self, n)) for n in names}, extra=extra)
+
+    def with_remark(self, remark: Remark) -> MeasurementSet:
+        """Return the rows with one more remark."""
+        return replace(self, remarks=(*self.remarks, remark))

@@ -155,10 +155,6 @@ def test_a_wrong_optional_cell_is_named(tmp_path, head, cell, code):
     refused(tmp_path, f"{HEAD},{head}\n{ROW},{cell}\n", code, 1 if code == "MEA010" else 2)
 
 
-def test_a_half_filled_column_is_refused(tmp_path):
-    refused(tmp_path, f"{HEAD},temp_C\n{ROW},20\n{ROW},\n", "MEA007", 3)
-
-
 def test_a_column_twice_is_refused(tmp_path):
     refused(tmp_path, f"{HEAD},q1_deg\n{ROW},1\n", "MEA003", 1)
 

@@ -15,7 +15,7 @@ from postproc.cell import cell_reference
 from postproc.cell.schema import CellFile
 from postproc.cli.app import COMMANDS
 from postproc.codes import Entry, groups
-from postproc.measurement.columns import QUANTITIES, Empty
+from postproc.measurement.columns import CONDITIONS, QUANTITIES, Empty
 from postproc.readers.csv.columns import MEANINGS, NAMES
 
 SCHEMAS = Path(__file__).resolve().parents[2] / "docs" / "schemas"
@@ -85,7 +85,8 @@ def _cell() -> str:
 _EMPTY = {
     Empty.ERROR: "required in every row",
     Empty.COLUMN: "all rows or none",
-    Empty.BETWEEN: "few: between the rows around; all: none",
+    Empty.BETWEEN: "between the rows around; in most rows: none",
+    Empty.PART: "not measured",
     Empty.ZERO: "empty means 0",
 }
 
@@ -115,6 +116,10 @@ def _csv() -> Iterator[str]:
     yield "| `group` | rows that were taken together; cross-validation keeps them whole | none |"
     yield "| `station` | set-up of the measuring device, with its own frame | one, of the file |"
     yield "| `reflector` | what it sees, each with its own place on the tool | one |"
+    yield "| `from_id` | unknown point that a length is measured from | known, or no length |"
+    yield "| `plane` | unknown plane that the tool point touched | none |"
+    for name, meaning in CONDITIONS.items():
+        yield f"| `{name}` | {meaning} | not logged |"
     for quantity in QUANTITIES:
         names = ", ".join(f"`{name}`" for name in quantity.names)
         yield f"| {names} | {quantity.meaning} | {_EMPTY[quantity.empty]} |"

@@ -14,7 +14,7 @@ from postproc.cell.schema.process import ProcessTable
 from postproc.cell.schema.reading import ImportTable
 from postproc.cell.schema.robot import ExternalAxisTable, RobotTable
 from postproc.cell.schema.solid import Solid
-from postproc.cell.schema.table import EMPTY, SixPositive, Table, Text
+from postproc.cell.schema.table import EMPTY, SixPositive, Table, Text, Vector
 from postproc.cell.schema.tool import ToolEntry, ToolTable
 from postproc.cell.schema.workpiece import WorkpieceTable
 
@@ -35,6 +35,23 @@ class MeasuringTable(Table):
         default=None,
         description="standard deviation of a reading per axis [mm], where none was repeated",
     )
+    range_sigma_mm: Annotated[float, Field(gt=0.0, le=100.0)] | None = Field(
+        default=None, description="of a tracker: standard deviation along the beam [mm]"
+    )
+    range_sigma_mm_per_m: Annotated[float, Field(ge=0.0, le=100.0)] = Field(
+        default=0.0, description="of a tracker: what the distance adds to that [mm/m]"
+    )
+    angle_sigma_mm_per_m: Annotated[float, Field(gt=0.0, le=100.0)] | None = Field(
+        default=None, description="of a tracker: standard deviation across the beam [mm/m]"
+    )
+    stands_mm: Vector = Field(
+        default=[0.0, 0.0, 0.0], description="where the tracker stands in the measured frame [mm]"
+    )
+    instrument: Text | None = Field(default=None, description="name of the device, for reports")
+    serial: Text | None = Field(default=None, description="its serial number, for reports")
+    calibrated: Text | None = Field(default=None, description="its calibration, for reports")
+    operator: Text | None = Field(default=None, description="who measured, for reports")
+    date: Text | None = Field(default=None, description="when it was measured, for reports")
 
 
 class VerifyTable(Table):
@@ -82,6 +99,14 @@ class CellFile(Table):
     external_axes: Annotated[list[ExternalAxisTable], Field(max_length=6)] = Field(
         default=[], description="rails and positioners; a positioner carries those behind it"
     )
+
+    @model_validator(mode="after")
+    def _whole_tracker(self) -> CellFile:
+        if (self.measuring.range_sigma_mm is None) != (self.measuring.angle_sigma_mm_per_m is None):
+            raise ValueError(
+                "measuring: range_sigma_mm and angle_sigma_mm_per_m belong together, found one"
+            )
+        return self
 
     @model_validator(mode="after")
     def _distinct_axes(self) -> CellFile:

@@ -15,7 +15,14 @@ from postproc.gap.fit import register_loaded, seen_in
 from postproc.gap.robot_model import RobotModel, evaluate
 from postproc.geometry import apply
 from postproc.kinematics import Kinematics
-from postproc.measurement import MeasurementSet, Remark, frames_of, set_ups
+from postproc.measurement import (
+    MeasurementSet,
+    Remark,
+    frames_of,
+    has_points,
+    readings_of,
+    set_ups,
+)
 from postproc.model import ModelFile
 from postproc.records import dataclass
 from postproc.units import MM
@@ -25,8 +32,9 @@ from postproc.units import MM
 class Prediction:
     """What a model expects at the rows of a file.
 
-    points (n, 3) [m] in the frame of the measurement; missing: effects left out; rms: misfit [m];
-    remarks: what was wrong in the rows and was worked around.
+    points (n, 3) [m] in the frame of the measurement; missing: effects left out; rms: misfit of
+    what each row read, unknown origins and planes fitted [m]; remarks: what was wrong in the rows
+    and was worked around.
     """
 
     points: FloatArray
@@ -64,10 +72,10 @@ def predict(
         kinematics: of the cell's robot.
         cell: with its tool.
         model: effects, and a registration that the answer is then given in.
-        registered: fit the registration anew on these rows.
+        registered: fit the registration anew, on the rows that have three coordinates.
 
     Raises:
-        DataError: GAP002, GAP003, MOD004 to MOD006.
+        DataError: GAP002, GAP003, MEA012, MOD004 to MOD006.
     """
     measured = np.asarray(measurements.position)
     place = SourceRef(measurements.path, int(measurements.line[0]))
@@ -76,7 +84,11 @@ def predict(
     if registered:
         robot = RobotModel.of(kinematics, cell, model)
         samples = samples_of(robot.arm, measurements)
-        fixed = register_loaded(samples, measured, robot.usable(samples), rows, None, place)
+        whole = np.flatnonzero(has_points(measurements))
+        part = samples.rows(whole)
+        fixed = register_loaded(
+            part, measured[whole], robot.usable(part), rows.rows(whole), None, place
+        )
         model = replace(model or ModelFile(), registration=fixed)
     robot = RobotModel.of(kinematics, cell, model, measured_point=fixed is not None)
     samples = samples_of(robot.arm, measurements)
@@ -85,7 +97,9 @@ def predict(
     points = evaluate(samples, robot.usable(samples))[0]
     if fixed is not None:
         points = apply(frames_of(fixed, rows), points)
-    rms = float(np.sqrt(np.mean(np.sum((measured - points) ** 2, axis=1))))
+    readings = readings_of(measurements)
+    miss = readings.by_row(points, readings.start(points))
+    rms = float(np.sqrt(np.mean(miss**2)))
     return Prediction(points, robot.missing(samples), rms, measurements.remarks)
 
 
