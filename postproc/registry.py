@@ -97,7 +97,8 @@ class Registry(Generic[T]):
             if info.name == name and info.problem:
                 return f"{info} cannot be used: {info.problem}"
         known = ", ".join(sorted((*self._parts, *more)))
-        return f"no {self.group[:-1]} is named {name!r}, known are {known}"
+        text = f"no {self.group[:-1]} is named {name!r}, known are {known}"
+        return f"{text}; others come as plug-ins"
 
     def __iter__(self) -> Iterator[tuple[str, T]]:
         """Yield name and part, ordered by name."""

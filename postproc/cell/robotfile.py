@@ -22,6 +22,8 @@ LENGTHS = ("a1", "a2", "b", "c1", "c2", "c3", "c4")
 KUKA_SIGNS = (-1, 1, 1, -1, 1, -1)
 """q_opw = sign * q_kuka - offset, of every six-axis arm of KUKA."""
 KUKA_OFFSETS_DEG = (0, -90, 0, 0, 0, 0)
+_SHOWN = 12
+"""Names of robots in one message at most."""
 _ASSUMED_RAMP = 0.5
 """Seconds to full speed, where nothing says how fast a joint accelerates."""
 _FIELDS = {
@@ -83,17 +85,21 @@ def find_robot(name: str, source: SourceRef | None = None) -> str:
     if found is not None:
         return found
     several = candidates(type_of(name), robot_names())
-    near = several or nearest(name, robot_names())
-    if len(several) > 1:
+    lists = f"`postproc robots` lists all {len(robot_names())}"
+    if 1 < len(several) <= _SHOWN:
         text = f"{name!r} may be {', '.join(several[:-1])} or {several[-1]}: name one of them"
-    else:
+        hint = lists
+    elif several:
+        text = f"{name!r} may be any of {len(several)} built-in robots: name one of them"
+        hint = f"{lists}, --reach and --payload choose among them"
+    elif normal(name).startswith("kr"):
+        near = nearest(name, robot_names())
         text = f"no built-in robot is named {name!r}, the nearest is {near[0]!r}"
-    raise CellError(
-        "CEL010",
-        text,
-        source,
-        hint=f"near: {', '.join(near)}; `postproc robots` lists all {len(robot_names())}",
-    )
+        hint = f"near: {', '.join(near)}; {lists}"
+    else:
+        text = f"no built-in robot is named {name!r}: all {len(robot_names())} are arms of KUKA"
+        hint = "another six-axis arm comes from its URDF: postproc new-cell --urdf FILE"
+    raise CellError("CEL010", text, source, hint=hint)
 
 
 def load_robot(name: str, source: SourceRef | None = None) -> Robot:

@@ -93,7 +93,7 @@ def bodies_of(cell: Cell, arm: Arm) -> tuple[tuple[Body, ...], tuple[Finding, ..
         ),
     ]
     if not cell.tool.meshes:
-        text = "the tool has no solids: what it hits is not seen"
+        text = "the tool has no solids: collisions of the tool are not checked"
         findings.append(Finding(Severity.WARNING, "COL101", text))
     findings += _not_seen(cell)
     absent = absent_bases(cell)

@@ -134,7 +134,7 @@ class Scene:
             Finding(
                 Severity.WARNING,
                 "COL103",
-                f"{body.name} is not closed: a solid wholly inside it is not seen",
+                f"{body.name} is not closed: a solid wholly inside it would go unnoticed",
                 hint="repair the mesh, or leave it if it is a sheet",
             )
             for body, is_closed in zip(self.bodies, self._engine.is_closed, strict=False)

@@ -161,8 +161,7 @@ class _Sorter:
         key = tool.name or str(tool.number)
         self._error(
             "WRD002",
-            f"{name}, called in line {tool.line}, is claimed by no tool of the cell: "
-            f"{self._lines(rows)}",
+            f"{name}, called in line {tool.line}, matches no tool of the cell: {self._lines(rows)}",
             int(rows[0]),
             f'give the entry of [[tools]] that means it cam = ["{key}"]; inspect prints the table',
         )
@@ -270,7 +269,7 @@ class _Sorter:
         rows = np.flatnonzero(self.toolpath.setup_of_tags == index)
         self._error(
             "WRD020",
-            f"setup {setup.name}, line {setup.line}, is claimed by no base of the cell: "
+            f"setup {setup.name}, line {setup.line}, matches no base of the cell: "
             f"{self._lines(rows)}",
             int(rows[0]),
             f'give the entry of [[bases]] that means it cam = ["{setup.name}"]; '

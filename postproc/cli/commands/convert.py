@@ -166,7 +166,8 @@ def _summary(
     if conversion.files:
         session.show(f"program  {folder / next(iter(conversion.files))}")
     else:
-        session.show(f"no program: {len(content['failures'])} findings forbid it")
+        count = len(content["failures"])
+        session.show(f"no program: {count} error{'s' if count > 1 else ''} above")
     session.show(f"tags     {content['tags']}, controller points {content['points']}")
     if content["stiffness"]:
         figures = content["stiffness"]

@@ -87,6 +87,8 @@ def check_text(path: str, data: bytes, first_line: int) -> None:
     line = first_line + data.count(b"\n", 0, at)
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         message = "UTF-16 text, expected ASCII, Latin-1 or UTF-8; save the file in one of these"
+    elif data[:4] == b"PK\3\4":
+        message = "an Excel workbook or ZIP archive, expected text; save the sheet as CSV"
     else:
         message = "NUL byte, so this is a binary or damaged file; expected text"
     raise ReadError("IO012", message, SourceRef(path, line))

@@ -63,7 +63,7 @@ def cell_page(
     shown = f'<div id="scene"></div>{_choices(cell)}{note}z blue.</p>'
     page.section("The cell", shown, "wide")
     page.section("Axes", '<div id="axes"></div>', "third")
-    page.section("What is wrong", _findings(findings), "half")
+    page.section("Findings", _findings(findings), "half")
     page.section("What it is", table(("", ""), _facts(_each_once(facts))), "half")
     return page.render()
 
