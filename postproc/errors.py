@@ -88,6 +88,7 @@ class RunKind(StrEnum):
     DWELL = "dwell"
     EVENT = "event"
     SPINDLE = "spindle"
+    ADVANCE = "advance"
     TOOL = "tool"
     WORD = "word"
 

@@ -416,6 +416,8 @@ class KrlOptions:
     outputs: Mapping[str, int] = field(default_factory=dict)
     """Signals of OLP tasks by the number of their output."""
     inputs: Mapping[str, int] = field(default_factory=dict)
+    stops_advance: tuple[str, ...] | None = None
+    """Keys of the hooks whose routines stop the advance run first; None: the cell does not say."""
 
     @property
     def is_spline(self) -> bool:

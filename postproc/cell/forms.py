@@ -81,11 +81,18 @@ def _check_hooks(toml: TomlText, file: CellFile) -> None:
                 toml.source(("krl", "hooks", name)),
                 hint=f"keys known here: {', '.join(known)}",
             )
+    every = routines(file.krl.hooks, steps)
+    for name in file.krl.hooks.stops_advance or ():
+        if name not in every:
+            text = f"krl.hooks.stops_advance: no routine {name!r}, expected of {', '.join(every)}"
+            raise CellError("CEL014", text, toml.source(("krl", "hooks", "stops_advance")))
 
 
 def routines(hooks: HooksTable, hole: Sequence[str]) -> dict[str, str]:
     """Return the routine of each hook and of each step of a hole, by its key in krl.hooks."""
-    return {name: f"PP_{name.upper()}" for name in hole} | hooks.model_dump(exclude_none=True)
+    return {name: f"PP_{name.upper()}" for name in hole} | hooks.model_dump(
+        exclude={"stops_advance"}, exclude_none=True
+    )
 
 
 def _check_routines(toml: TomlText, file: CellFile) -> None:

@@ -108,6 +108,9 @@ def krl_of(table: KrlTable, hole: Sequence[str] = ()) -> KrlOptions:
         hooks=routines(table.hooks, hole),
         outputs=dict(table.outputs),
         inputs=dict(table.inputs),
+        stops_advance=None
+        if table.hooks.stops_advance is None
+        else tuple(table.hooks.stops_advance),
     )
 
 

@@ -20,10 +20,12 @@ from contextlib import suppress
 from typing import Any
 
 from postproc.arrays import FloatArray
+from postproc.controller.advance import STOPPING, AdvanceRun
 from postproc.controller.control import Activation, ControlFlow
 from postproc.controller.flow import Flow, flow_of
 from postproc.controller.library import (
     CONTACT_ROUTINE,
+    DECLARING,
     SILENT,
     NumberedFrame,
     is_still,
@@ -50,6 +52,7 @@ from postproc.kinematics import Kinematics
 from postproc.krl import (
     Assign,
     Call,
+    Continue,
     Control,
     Declaration,
     Effect,
@@ -83,6 +86,8 @@ MAX_REPEATED_MOTIONS = 4_000
 """So many lines and motions more than the text has are run: what loops and calls add to it."""
 MAX_WAIT = 600.0
 """A longer wait [s] is a slip of the digits, not a dwell."""
+_NO_LINE = frozenset({Continue, Declaration})
+"""What stands between CONTINUE and the line that it belongs to."""
 MAX_SEARCHES = 200
 """How often the joints behind a Cartesian motion are worked out in one run."""
 
@@ -114,6 +119,7 @@ class Interpreter:
         self._world = world
         self.state = MotionState(world.tools, world.bases, world.T_world_robroot)
         self.recorder = Recorder()
+        self._advance = AdvanceRun(self.state, self.recorder)
         self.targets = Targets(self.state, kinematics, self._joints_now)
         self._memory = Memory(
             self._modules,
@@ -163,6 +169,7 @@ class Interpreter:
             Raw: self._instruction,
             SplineBegin: self._motions.begin_spline,
             SplineEnd: self._motions.end_spline,
+            Continue: self._continue,
         }
         self._memory.load(self._modules)
 
@@ -197,6 +204,7 @@ class Interpreter:
     def _loop(self, run: Activation) -> None:
         statements = run.routine.statements
         handlers, count, index = self._handlers, len(statements), 0
+        advance = self._advance
         while index < count:
             statement = statements[index]
             kind = type(statement)
@@ -207,11 +215,14 @@ class Interpreter:
                 self._line = statement.line
                 target = self._control.step(run, index, statement)  # type: ignore[arg-type]
                 index = index + 1 if target is None else target
+                advance.is_continued = False
                 continue
             handler = handlers.get(kind)
             if handler is not None:
                 self._line = statement.line
                 handler(statement)
+                if advance.is_continued and kind not in _NO_LINE:
+                    advance.is_continued = False
             index += 1
 
     def _stop(self, statement: Statement) -> None:
@@ -225,6 +236,16 @@ class Interpreter:
         text = f"loops and calls add more than {what} to what is written: not run any further"
         self.finding(RunKind.ENDLESS, text)
         raise _EndlessError
+
+    def _continue(self, _statement: Continue) -> None:
+        """Let the next line be run ahead, whatever it is."""
+        self._aside("CONTINUE", acts=False)
+        self._advance.is_continued = True
+
+    def _aside(self, name: str, *, acts: bool = True) -> None:
+        """Record what neither moves the arm nor belongs to the process; ``acts``: at once."""
+        early = self._advance.act() if acts else 0
+        self.recorder.event(EventWord.ASIDE, name, self.place(), early=early)
 
     def place(self) -> tuple[int, int]:
         """Return file row and line that run now."""
@@ -265,6 +286,9 @@ class Interpreter:
     # --------------------------------------------------------------------------------- variables
 
     def _system_value(self, key: str) -> Any:  # noqa: ANN401 - KRL values are of many types
+        if key.startswith(STOPPING):
+            self._advance.stop()
+            self._aside(key)
         if key.startswith(("$POS_ACT", "$AXIS_ACT")):
             name, _, rest = key.partition(".")
             value = self.targets.position(name)
@@ -313,6 +337,8 @@ class Interpreter:
         elif node.name in ("FDAT_ACT", "PDAT_ACT", "LDAT_ACT") and not node.selectors:
             self._active[node.name] = value
         else:
+            if not self._memory.is_own(node.name):
+                self._aside(f"{node.name}=")
             self._memory.put(node, value)
 
     def _assign_system(self, node: Reference, value: Any, *, by_form: bool) -> None:  # noqa: ANN401
@@ -330,10 +356,7 @@ class Interpreter:
                 self.unjudged(node.name, f"which {node.name} is set is not known here")
             return
         if variable is not None and variable.effect.is_still:
-            self._system[key] = value
-            if variable.effect is Effect.OUTPUT:
-                number = float(value) if isinstance(value, int | float) else math.nan
-                self.recorder.event(EventWord.OUTPUT, key, self.place(), number)
+            self._assign_still(key, value, variable.effect)
         elif key == "$APO" and component(value, "APO_DIST") is not UNKNOWN:
             self.state.approximation(value)
         elif key == "$LOAD" and isinstance(value, NumberedFrame):
@@ -341,6 +364,14 @@ class Interpreter:
         elif not self.state.assign(key, value) and not by_form:
             does = "what it does is not known" if variable is None else variable.does
             self.unjudged(key, f"{key} is set ({does}): its effect on the motion is not judged")
+
+    def _assign_still(self, key: str, value: Any, effect: Effect) -> None:  # noqa: ANN401
+        """Set a system variable by which no arm moves otherwise."""
+        self._system[key] = value
+        if effect is Effect.OUTPUT:
+            number = float(value) if isinstance(value, int | float) else math.nan
+            early = self._advance.stop() if key.startswith(STOPPING) else self._advance.act()
+            self.recorder.event(EventWord.OUTPUT, key, self.place(), number, early=early)
 
     def _note_frame_data(self, node: Reference, scope: Variables) -> None:
         if node.name not in ("TOOL_DATA", "BASE_DATA"):
@@ -377,9 +408,12 @@ class Interpreter:
         elif found is not None:
             self._run_routine(*found, nodes)
         elif name == "PULSE":
-            self.recorder.event(EventWord.OUTPUT, "PULSE", self.place())
+            early = self._advance.stop()
+            self.recorder.event(EventWord.OUTPUT, "PULSE", self.place(), early=early)
         elif name in SILENT:
-            if name == CONTACT_ROUTINE and statement.arguments not in ((), (0,)):
+            if name != CONTACT_ROUTINE:
+                self._aside(name)
+            elif statement.arguments not in ((), (0,)):
                 self.unjudged(name, f"{name} sets how hard a contact has to be to stop the arm")
             self._forget(nodes)
         else:
@@ -397,10 +431,18 @@ class Interpreter:
         values = tuple(map(self._argument, nodes))
         first = values[0] if values else math.nan
         number = float(first) if isinstance(first, int | float) else math.nan
+        events, at = self.recorder.events, len(self.recorder.events)
         self.recorder.event(EventWord.HOOK, name, self.place(), number, plain_arguments(values))
         if found is not None:
-            with self.recorder.within_hook():
+            with self.recorder.within_hook(), self._advance.body():
                 self._run_routine(*found, nodes, values)
+                early = self._advance.earliest
+            events[at] = events[at]._replace(early=early)
+        elif name in self._world.stopping:
+            events[at] = events[at]._replace(early=self._advance.stop())
+        else:
+            is_surmise = not self._advance.is_continued
+            events[at] = events[at]._replace(early=self._advance.act(), is_surmise=is_surmise)
 
     def _argument(self, node: Node | None) -> Any:  # noqa: ANN401 - a KRL value
         return UNKNOWN if node is None else self.evaluator.node(node)
@@ -411,6 +453,8 @@ class Interpreter:
         argument = values[1] if len(values) > 1 else UNKNOWN
         if command in ("TOOL", "BASE"):
             argument = self._memory.typed(argument, "INT", f"BAS(#{command})")
+        if command == "INITMOV":
+            self._advance.stop()
         if not self.state.bas(command, argument, self._active):
             self.unjudged(f"BAS(#{command})", f"BAS(#{command}) is not judged")
         self._missing_frames()
@@ -469,6 +513,8 @@ class Interpreter:
         if not is_quiet(statement):
             text = f"{statement.word} is not judged: it may move the arm or change how it moves"
             self.unjudged(statement.word, text)
+        elif statement.word not in DECLARING:
+            self._aside(statement.word)
         self._forget(map(_node, reading(statement)))
 
     def _forget(self, nodes: Iterable[Node | None]) -> None:
@@ -485,14 +531,19 @@ class Interpreter:
             return
         handler = self._handlers.get(type(action))
         if handler is not None:
-            self.recorder.in_trigger = True
+            recorder = self.recorder
+            before = len(recorder.events) + len(recorder.asides)
+            recorder.in_trigger = True
             handler(action)
-            self.recorder.in_trigger = False
+            if len(recorder.events) + len(recorder.asides) == before:
+                self._aside("TRIGGER")
+            recorder.in_trigger = False
 
     def _interrupt(self, statement: Interrupt) -> None:
-        """Note whether the delivered interrupt 3 is at work; all others are only harmless hooks."""
+        """Note whether the delivered interrupt 3 is at work; what others do is not followed."""
         number = None if statement.number is None else self.evaluator.value(statement.number)
         action = statement.action
+        self._aside("INTERRUPT")
         if statement.word == "DECL":
             if number == 3 or not isinstance(number, int):
                 stops = _is_stop_message(statement)
@@ -500,19 +551,13 @@ class Interpreter:
                 self.state.note(STOPMESS, on=stops and STOPMESS in self.state.values.done)
                 if stops:
                     return
-            if action is None or not (self._trust.is_hook(action) or self._trust.is_idle(action)):
-                self.unjudged("INTERRUPT", "an interrupt may leave the path at any moment")
-            elif any(map(self._is_in_use, self._trust.assigned((action,)))):
-                self.unjudged("INTERRUPT", "an interrupt may set a variable at any moment")
+            if not (isinstance(action, Call) and self._trust.accepts(action.name)):
+                text = "an interrupt may act at any moment, in the middle of a cut as well"
+                self.unjudged("INTERRUPT", text)
         elif number == 3 or (statement.word in ("OFF", "DISABLE") and not isinstance(number, int)):
             is_on = statement.word in ("ON", "ENABLE")
             declared = f"{STOPMESS} DECL" in self.state.values.done
             self.state.note(STOPMESS, on=is_on and declared)
-
-    def _is_in_use(self, value: Value | None) -> bool:
-        """Return whether something is a variable that is known to the routine that runs."""
-        node = _node(value)
-        return isinstance(node, Reference) and self._memory.lookup(node.name) is not None
 
     def _wait(self, statement: WaitSec) -> None:
         seconds = self.evaluator.value(statement.seconds)
@@ -522,13 +567,17 @@ class Interpreter:
         elif number > MAX_WAIT:
             text = f"a wait of {number:g} s, expected at most {MAX_WAIT:g} s"
             self.finding(RunKind.WAIT, text)
-        self.recorder.event(EventWord.DWELL, "WAIT SEC", self.place(), number)
+        self._stand(EventWord.DWELL, "WAIT SEC", number)
 
     def _wait_for(self, statement: WaitFor) -> None:
-        self.recorder.event(EventWord.WAIT_FOR, statement.condition, self.place())
+        self._stand(EventWord.WAIT_FOR, statement.condition)
 
     def _halt(self, _statement: Halt) -> None:
-        self.recorder.event(EventWord.HALT, "HALT", self.place())
+        self._stand(EventWord.HALT, "HALT")
+
+    def _stand(self, word: EventWord, name: str, value: float = math.nan) -> None:
+        """Record what stops the advance run, or does not behind CONTINUE."""
+        self.recorder.event(word, name, self.place(), value, early=self._advance.stop())
 
     def _joints_now(self) -> FloatArray | None:
         """Return the joints at the end of the last motion; only few programs ask."""

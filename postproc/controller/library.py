@@ -49,6 +49,8 @@ QUIET = frozenset(
 )
 """Instructions without brackets, by their first word, that neither move the robot nor change how
 it moves: declarations, outputs, channels."""
+DECLARING = frozenset({"SIGNAL", "STRUC", "ENUM", "IMPORT", "CHANNEL"})
+"""Those of them that do nothing when they are run."""
 READING = frozenset({"COPEN", "CREAD", "CWRITE", "SREAD", "SWRITE"})
 """Instructions that write into the variables they are given."""
 CONTACT_ROUTINE = "SET_CD_PARAMS"

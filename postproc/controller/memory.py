@@ -73,6 +73,8 @@ class Memory:
         self._reading: SourceRef | None = None
         self._fields = dict(_POSITIONS)  # type of each component by the name of a structure
         self._everywhere, self._data = Variables(), {name: Variables() for name in modules}
+        self._foreign: set[str] = set()
+        """Variables that are declared in none of the files: of the controller."""
         self.stack: list[Activation] = []
         """The routines at work, the one that runs last."""
         for kind, poses in (("TOOL_DATA", world.tools), ("BASE_DATA", world.bases)):
@@ -160,11 +162,19 @@ class Memory:
                 return data
         return self._everywhere if name in self._everywhere else None
 
+    def is_own(self, name: str) -> bool:
+        """Return whether a variable is one of the routine or of its module, which no other sees."""
+        scope = self.lookup(name)
+        if scope is None or scope is self._everywhere:
+            return False
+        return name not in self._foreign or name in scope.types
+
     def put(self, node: Reference, value: Any) -> None:  # noqa: ANN401 - KRL values are of many types
         """Store a value in a variable, an array element or a component of either."""
         scope = self.lookup(node.name)
         if scope is None:
             scope = self.stack[-1].local if self.stack else self._everywhere
+            self._foreign.add(node.name)
         self._put(scope, node, value)
 
     def _put(self, scope: Variables, node: Reference, value: Any) -> None:  # noqa: ANN401

@@ -64,6 +64,7 @@ class Recorder:
     auxiliary: dict[int, Numbers] = field(default_factory=dict)
     angles: dict[int, float] = field(default_factory=dict)
     events: list[TraceEvent] = field(default_factory=list)
+    asides: list[TraceEvent] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
     unsure: set[int] = field(default_factory=set)
@@ -101,18 +102,26 @@ class Recorder:
         place: tuple[int, int],
         value: float = math.nan,
         arguments: tuple[object, ...] = (),
+        early: int = 0,
     ) -> None:
-        """Add something that happens before the next motion.
+        """Add something that happens before the next motion, or so many motions early.
 
         A hook stands for its waits and stops; what it switches and calls are events as elsewhere.
         """
         if self._hooks and word in _WAITS:
             return
-        self.events.append(
-            TraceEvent(
-                len(self.motions), word, name, value, arguments, *place[::-1], self.in_trigger
-            )
+        event = TraceEvent(
+            len(self.motions),
+            word,
+            name,
+            value,
+            arguments,
+            *place[::-1],
+            self.in_trigger,
+            early,
+            is_within=self._hooks > 0,
         )
+        (self.asides if word is EventWord.ASIDE else self.events).append(event)
 
     @contextmanager
     def within_hook(self) -> Iterator[None]:
@@ -175,6 +184,7 @@ class Recorder:
             settings=state.table,
             files=tuple(self.names),
             events=tuple(self.events),
+            asides=tuple(self.asides),
             findings=tuple(self.findings),
             unsure=frozenset(self.unsure),
         )

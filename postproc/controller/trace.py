@@ -58,6 +58,8 @@ class EventWord(StrEnum):
     """Tool, base or load data that are written."""
     OTHER = "other"
     """Anything else that is listed."""
+    ASIDE = "aside"
+    """What is none of these and moves no arm, but may change how it moves, or what others do."""
 
 
 class Settings(NamedTuple):
@@ -96,7 +98,9 @@ class TraceEvent(NamedTuple):
     """Something before motion ``motion`` (the number of motions: after the last).
 
     ``value``: seconds of a dwell, first argument of a hook, else NaN; ``on_the_way``: of a trigger,
-    the robot does not stop for it.
+    the robot does not stop for it. ``early``: by so many motions the advance run may let it happen
+    before; ``is_surmise``: that is so unless the lines of the routine, which are not in these
+    files, stop the advance run. ``is_within``: one of the lines of a hook, which stands for it.
     """
 
     motion: int
@@ -107,6 +111,9 @@ class TraceEvent(NamedTuple):
     line: int
     file: int
     on_the_way: bool = False
+    early: int = 0
+    is_surmise: bool = False
+    is_within: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +132,7 @@ class Trace:
         auxiliary: X..C of the point on the way [m, rad] of a circular motion, NaN where not given.
         angle: arc angle [rad] of a circular motion with CA.
         tools: (t, 4, 4) T_flange_tcp; bases: (b, 4, 4) T_robroot_base [m].
-        events: between the motions, in order.
+        events: between the motions, in order; asides: what else is run there, likewise.
         findings: what could not be run as written.
         unsure: motions right before which something happens that is not known.
     """
@@ -149,6 +156,7 @@ class Trace:
     settings: tuple[Settings, ...]
     files: tuple[str, ...]
     events: tuple[TraceEvent, ...] = ()
+    asides: tuple[TraceEvent, ...] = ()
     findings: tuple[Finding, ...] = field(default=())
     unsure: frozenset[int] = frozenset()
 

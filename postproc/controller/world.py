@@ -26,6 +26,7 @@ class World:
             a Cartesian target.
         hooks: routines of the integrator, in upper case: their calls are events, and trusted where
             the routine is in none of the files; one that is there is run as any other.
+        stopping: those of them whose lines, as the cell says, stop the advance run first.
         accept: names, in upper case, of what cannot be judged and is taken on trust.
     """
 
@@ -35,4 +36,5 @@ class World:
     T_world_robroot: FloatArray = field(default_factory=lambda: np.eye(4))
     joints: Callable[[Trace], FloatArray | None] = lambda _trace: None
     hooks: frozenset[str] = frozenset()
+    stopping: frozenset[str] = frozenset()
     accept: frozenset[str] = frozenset()

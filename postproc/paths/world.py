@@ -67,6 +67,7 @@ def _world_of(modules: Sequence[KrlModule], cell: Cell, kinematics: Kinematics) 
         np.asarray(cell.robot.T_world_robroot),
         lambda trace: _joints_at_end(trace, cell, kinematics),
         frozenset(name.upper() for name in cell.krl.hooks.values()),
+        frozenset(cell.krl.hooks[key].upper() for key in cell.krl.stops_advance or ()),
         frozenset(" ".join(name.upper().split()) for name in cell.accept),
     )
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from postproc.errors import Finding, RunKind, Severity, SourceRef
 from postproc.records import dataclass
@@ -38,6 +38,15 @@ class Worst:
         }
 
 
+class Remark(NamedTuple):
+    """What a check has to say: a finding at file and line, None for the program as a whole."""
+
+    kind: RunKind
+    place: tuple[str, int] | None
+    message: str
+    severity: Severity = Severity.ERROR
+
+
 @dataclass(slots=True)
 class Result:
     """Findings and worst values of a run, collected."""
@@ -65,6 +74,11 @@ class Result:
         files = self.paths.trace.files
         source = SourceRef(*(place or (files[0] if files else "", 1)))
         self.findings.append(Finding(severity, kind, message, source=source))
+
+    def add(self, remarks: Iterable[Remark]) -> None:
+        """Add what a check says."""
+        for remark in remarks:
+            self.finding_at(*remark)
 
     def measure(self, name: str, value: float, unit: str, motion: int, detail: str = "") -> None:
         """Set the worst value of a measure."""

@@ -15,14 +15,15 @@ Nothing of the planner or the emitter is used: text in, answer out. Kinds of vio
   ``speed``: what the file says of single motions; ``tool``: another tool or base is selected than
   the file means; ``word``: what the CAM file asks for and no program
   does;
-- ``spindle``: it stands or turns the wrong way in a cut, or still turns at the end.
+- ``advance``: what the advance run lets happen too early; ``spindle``: it stands or turns the wrong
+  way in a cut, or still turns at the end.
 
 With a model of the arm (``displacement``) it is the real tool that is compared with the CAM file.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -35,7 +36,7 @@ from postproc.geometry import rotation_angle
 from postproc.kinematics import build
 from postproc.krl import KrlModule, require_sound
 from postproc.model import ToolPath
-from postproc.paths import Displacement, cycle_time, durations, joint_paths, run_in_cell
+from postproc.paths import Displacement, Paths, cycle_time, durations, joint_paths, run_in_cell
 from postproc.process import (
     as_served,
     claimed,
@@ -51,6 +52,7 @@ from postproc.process import (
 )
 from postproc.progress import Progress
 from postproc.units import DEG, MM
+from postproc.verification.between import Cuts, check_advance, check_between
 from postproc.verification.cam import (
     Comparison,
     Tolerances,
@@ -70,7 +72,7 @@ from postproc.verification.checks import (
 from postproc.verification.collisions import check_collisions
 from postproc.verification.corners import blended, check_corners, corners_of
 from postproc.verification.coverage import coverage_of
-from postproc.verification.report import Result, Run, VerifyReport, in_order
+from postproc.verification.report import Remark, Result, Run, VerifyReport, in_order
 from postproc.verification.settings import check_rapids, check_settings
 from postproc.verification.spindle import check_spindle
 from postproc.verification.torques import check_torques
@@ -127,23 +129,14 @@ def verify(
     check_blending(result)
     check_capacity(result, cell, modules)
     report(2, 4, "comparison")
-    comparison, needs_start = None, True
+    comparison, asked, needs_start = None, None, True
     if toolpath is not None:
-        claims = claimed(toolpath, cell)
-        toolpath = claims.toolpath
-        asked = (*word_findings(toolpath), *claims.findings, *unit_findings(toolpath, cell))
-        result.findings += refusals(asked)
-        toolpath = as_served(toolpath, cell)
-        needs_start = len(started_by_none(toolpath)) > 0
-        toolpath = driven(toolpath, cell)
-        found = machining_findings(toolpath, cell)
-        result.findings += [replace(item, code=RunKind.SPINDLE, tag_index=None) for item in found]
-        toolpath = holes_served(toolpath, cell)
+        toolpath, needs_start = _asked_of(result, toolpath, cell)
         comparison = compare_served(
             result, cell, toolpath, tolerances or Tolerances(), displacement
         )
         check_profiles(result, toolpath, comparison)
-        check_events(result, cell, *in_program_order(toolpath, cell, comparison))
+        asked = check_events(result, cell, *in_program_order(toolpath, cell, comparison))
     is_cut = comparison.is_cut if comparison is not None else None
     cuts = _cuts_of(trace, cell) if is_cut is None else is_cut
     check_speeds(result, cell, cuts)
@@ -151,6 +144,8 @@ def verify(
     if is_cut is not None:
         check_rapids(result, cell, is_cut)
         check_held(result, cell, is_cut)
+    number = np.where(cuts, 0, -1) if comparison is None else comparison.cut_of
+    result.add(_within(cell, Cuts.of(paths, number, asked), paths))
     accepted = may_stand(toolpath, cell)
     check_spindle(result, cell, is_cut, accepted=accepted, needs_start=needs_start)
     report(3, 4, "collisions")
@@ -162,6 +157,26 @@ def verify(
     violations = in_order(result.findings, Severity.ERROR)
     covered = coverage_of(modules, trace, violations)
     return replace(_report(name, result, cell, comparison, checked), coverage=covered)
+
+
+def _asked_of(result: Result, toolpath: ToolPath, cell: Cell) -> tuple[ToolPath, bool]:
+    """Return what a CAM file asks of the program, and whether that has to start the spindle."""
+    claims = claimed(toolpath, cell)
+    toolpath = claims.toolpath
+    words = (*word_findings(toolpath), *claims.findings, *unit_findings(toolpath, cell))
+    result.findings += refusals(words)
+    toolpath = as_served(toolpath, cell)
+    needs_start = len(started_by_none(toolpath)) > 0
+    toolpath = driven(toolpath, cell)
+    found = machining_findings(toolpath, cell)
+    result.findings += [replace(item, code=RunKind.SPINDLE, tag_index=None) for item in found]
+    return holes_served(toolpath, cell), needs_start
+
+
+def _within(cell: Cell, cuts: Cuts, paths: Paths) -> Iterator[Remark]:
+    """Yield what is said of a run and its cuts alone."""
+    yield from check_between(paths, cuts)
+    yield from check_advance(paths, cell)
 
 
 def _report(

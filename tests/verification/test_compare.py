@@ -414,13 +414,13 @@ def test_more_events_than_asked_for_are_a_warning(cell):
     calls = ("PP_SPINDLE_ON(3000)", *REST, "PP_SPINDLE_OFF()")
     report = check(cell, path_of(SQUARE), FIRST, *calls)
     assert kinds(report) == set()
-    assert [w.code for w in report.warnings] == ["event", "event"]
+    assert [w.code for w in report.warnings] == ["advance", "event", "event"]
     for number, found in ((cell.tool.number, set()), (cell.tool.number + 1, {"event"})):
         assert (
             kinds(check(cell, path_of(SQUARE), f"PP_TOOL_CHANGE({number})", FIRST, *REST)) == found
         )
     again = check(cell, with_events(ON, OFF), FIRST, calls[0], *calls)
-    assert (kinds(again), [w.code for w in again.warnings]) == (set(), ["event"])
+    assert (kinds(again), [w.code for w in again.warnings]) == (set(), ["advance", "event"])
 
 
 def test_no_cut_runs_with_what_the_file_does_not_say(cell):

@@ -1,4 +1,4 @@
-"""Lines put into the middle of a cut of a good program: what does harm is noticed, the rest is not.
+"""Lines put into the middle of a cut of a good program: all that the CAM file does not ask for.
 
 The trimming job cuts in one pass: spindle, coolant, tool and supervision are as the CAM file says
 from its first point to its last, and nothing waits there.
@@ -31,7 +31,14 @@ HARMFUL = {
     "INTERRUPT OFF 3": "setup",
     "INTERRUPT DECL 3 WHEN $STOPMESS==TRUE DO PP_STOP()": "setup",
     "INTERRUPT DECL 3 WHEN $IN[5] DO IR_STOPM()": "setup",
-    "PP_STOP()": "dwell",
+    "PP_STOP()": "event",
+    "PP_SPINDLE_ON(12000)": "event",
+    "PP_COOLANT_ON(4)": "event",
+    "PP_COOLANT_OFF()\r\nPP_COOLANT_ON(4)": "event",
+    "PP_SPINDLE_OFF()\r\nPP_SPINDLE_ON(12000)": "event",
+    "$OUT[17]=FALSE": "event",
+    "WAIT SEC 0.0": "dwell",
+    "CONTINUE": "event",
     "CIRC {X 80,Y -5,Z -5},{X 60,Y -5,Z -5,A 104.81,B 90,C 0},CA 360": "circle",
     "$ACC.CP=0": "unjudged",
     "$VEL.ORI1=0": "unjudged",
@@ -48,15 +55,6 @@ HARMFUL = {
     "BASE_DATA[4].Z=10.0": "unjudged",
     "TOOL_DATA[3].Z=10.0": "unjudged",
 }
-HARMLESS = (
-    "PP_SPINDLE_ON(12000)",
-    "PP_COOLANT_ON(4)",
-    "PP_COOLANT_OFF()\r\nPP_COOLANT_ON(4)",
-    "PP_SPINDLE_ON(1200)\r\nPP_SPINDLE_ON(12000)",
-    "$OUT[17]=FALSE",
-    "WAIT SEC 0.0",
-    "CONTINUE",
-)
 
 
 @pytest.fixture(scope="module")
@@ -76,14 +74,9 @@ def trimmed():
     return of
 
 
-@pytest.mark.parametrize("line", HARMFUL)
-def test_what_does_harm_is_a_violation(trimmed, line):
-    assert HARMFUL[line] in {finding.code for finding in trimmed(line).violations}
-
-
-@pytest.mark.parametrize("line", HARMLESS)
-def test_what_changes_nothing_is_none(trimmed, line):
-    assert trimmed(line).violations == ()
+def test_what_does_harm_is_a_violation(trimmed):
+    found = {line: {finding.code for finding in trimmed(line).violations} for line in HARMFUL}
+    assert {line: codes for line, codes in found.items() if HARMFUL[line] not in codes} == {}
 
 
 def test_a_program_without_a_motion_is_judged(trimmed):

@@ -57,6 +57,12 @@ class HooksTable(Table):
         "the other way; gets the speed [1/min], negative counterclockwise. Naming it says that the "
         "tap sits in a holder that gives along its axis; default: none, tapping is refused",
     )
+    stops_advance: list[str] | None = Field(
+        default=None,
+        description="keys of those routines whose lines stop the advance run before they do "
+        "anything (WAIT, HALT, $OUT without CONTINUE); before the others a program gets "
+        "WAIT SEC 0; default: no WAIT SEC 0, and those of which it is not known are named",
+    )
 
 
 class KrlTable(Table):

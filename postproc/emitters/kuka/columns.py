@@ -41,6 +41,7 @@ STANDING = frozenset(
     }
 )
 """Events at which the robot stands."""
+_COOLANT = frozenset({EventKind.COOLANT_ON, EventKind.COOLANT_OFF})
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +99,7 @@ def columns(plan: Plan, cell: Cell, borders: frozenset[int], speed_max: float) -
         speed_m_s=_speeds(plan, speed_max),
         orientation_deg_s=_orientation(plan, cell),
         percent=_percents(plan),
-        blend_mm=_blends(plan, borders).tolist(),
+        blend_mm=_blends(plan, borders, waits=cell.krl.stops_advance is not None).tolist(),
         dwell_s=np.nan_to_num(plan.dwell).tolist(),
         line=np.where(has_tag, plan.toolpath.line[tags], 0).tolist(),
         operation=np.where(has_tag, plan.toolpath.operation[tags], -1).tolist(),
@@ -146,10 +147,10 @@ def _is_cut(role: np.ndarray) -> BoolArray:
     return np.asarray((role == MoveRole.CUT) | (role == MoveRole.PLUNGE))
 
 
-def _blends(plan: Plan, borders: frozenset[int]) -> FloatArray:
+def _blends(plan: Plan, borders: frozenset[int], *, waits: bool) -> FloatArray:
     """Return approximation distances (m,) [mm] by rule."""
     wanted = np.nan_to_num(plan.blend) / MM
-    wanted[_exact(plan, borders)] = 0.0
+    wanted[_exact(plan, borders, waits=waits)] = 0.0
     length = _lengths(plan) / MM
     limit = BLEND_SHARE * np.minimum(length, np.append(length[1:], 0.0))
     capped = np.where(wanted <= limit * (1.0 + _DIGITS), wanted, stepped(limit))
@@ -157,8 +158,8 @@ def _blends(plan: Plan, borders: frozenset[int]) -> FloatArray:
     return capped
 
 
-def _exact(plan: Plan, borders: frozenset[int]) -> BoolArray:
-    """Return (m,) where the motion must end exactly."""
+def _exact(plan: Plan, borders: frozenset[int], *, waits: bool) -> BoolArray:
+    """Return (m,) where the motion must end exactly; ``waits``: before coolant as well."""
     role = plan.role
     following = np.append(role[1:], MoveRole.ENTRY)
     exact = (role == MoveRole.PLUNGE) | (following == MoveRole.PLUNGE)
@@ -169,7 +170,8 @@ def _exact(plan: Plan, borders: frozenset[int]) -> BoolArray:
     for index in borders:
         exact[index - 1] = True
     for index, event in plan.events:
-        if index > 0 and event.kind in STANDING and not is_flying(plan, index, event.kind):
+        stands = event.kind in STANDING or (waits and event.kind in _COOLANT)
+        if index > 0 and stands and not is_flying(plan, index, event.kind):
             exact[index - 1] = True
     return np.asarray(exact)
 
@@ -190,7 +192,7 @@ def is_flying(plan: Plan, index: int, kind: EventKind) -> bool:
     )
     if not is_chain:
         return False
-    return kind in (EventKind.COOLANT_ON, EventKind.COOLANT_OFF)
+    return kind in _COOLANT
 
 
 def _lengths(plan: Plan) -> FloatArray:

@@ -50,6 +50,15 @@ class EventWriter:
         )
         return [self._trigger(statement) for statement in made] if flying else made
 
+    def waits(self, event: Event) -> bool:
+        """Return whether the advance run has to be stopped before the routine of an event.
+
+        Only where the cell says which routines do that themselves; outputs, waits and stops do.
+        """
+        own = self.style.stops_advance
+        key = event.text if event.kind is EventKind.HOLE else str(event.kind)
+        return own is not None and key in self.style.hooks and key not in own
+
     def dwell(self, seconds: float, line: int) -> list[Statement]:
         """Return a wait after a motion.
 

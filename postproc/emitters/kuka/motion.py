@@ -28,6 +28,7 @@ from postproc.krl import (
     SplineEnd,
     Statement,
     Value,
+    WaitSec,
     comment_text,
 )
 from postproc.model import Event, EventKind, MoveKind, MoveRole, Plan
@@ -223,8 +224,12 @@ class PartWriter:
         self.out = before + self.guards.only(number, self.out)
 
     def _write(self, events: Sequence[Event], index: int) -> None:
+        is_waited = index == 0
         for event in events:
             flying = event.kind not in _QUIET and is_flying(self.plan, index, event.kind)
+            if not (is_waited or flying) and self.events.waits(event):
+                self.out.append(WaitSec(0, comment="the advance run stops"))
+                is_waited = True
             made = self.events.statements(event, flying=flying)
             (self._pending if flying else self.out).extend(made)
             if event.kind is EventKind.TOOL_CHANGE and index < len(self.plan):

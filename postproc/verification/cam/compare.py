@@ -91,6 +91,7 @@ def compare(
         visits.last,
         np.zeros(len(paths), dtype=np.bool_),
         np.zeros(len(paths), dtype=np.bool_),
+        np.full(len(paths), -1),
         np.zeros(n),
         np.zeros(n),
         np.zeros(n),
@@ -111,7 +112,11 @@ def compare(
     near, is_cut = tolerances.position, comparison.is_cut
     milled = comparison.milled
     milled[:] = is_cut
-    on_axis = check_holes(result, real, wanted, toolpath, served, is_cut, near, feeds)
+    comparison.cut_of[milled] = 0
+    holes = check_holes(result, real, wanted, toolpath, served, is_cut, near, feeds)
+    on_axis = holes.on_axis
+    for row, (first, last) in holes.spans.items():
+        comparison.cut_of[first : last + 1] = row + 1
     limits, shift = (tolerances.axis, path_tolerance), comparison.largest_shift()
     check_strokes(result, real, wanted, on_axis, limits, shift)
     check_leaving(result, cell, toolpath, served, visits.last, milled)

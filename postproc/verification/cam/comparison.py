@@ -31,8 +31,9 @@ class Comparison:
 
     ``served`` (n,): motion that goes to each tag, -1 for none; ``latest`` (n,): the last one that
     may be meant; ``is_cut`` (m,): motions that cut; ``milled`` (m,): those that
-    serve lines and arcs; ``position_error`` (n,) [m], ``axis_error`` (n,) [rad] beyond the allowed
-    tilt; ``tilt`` (n,) [rad] that was used of it; ``real``: the paths that were compared;
+    serve lines and arcs; ``cut_of`` (m,): number of the cut that each belongs to, the way back of
+    a hole with it, -1 for none; ``position_error`` (n,) [m], ``axis_error`` (n,) [rad] beyond the
+    allowed tilt; ``tilt`` (n,) [rad] that was used of it; ``real``: the paths that were compared;
     ``nominal_error`` (n,) [m] of the commanded point, None without a model of the arm.
     """
 
@@ -41,6 +42,7 @@ class Comparison:
     latest: AnyIntArray
     is_cut: BoolArray
     milled: BoolArray
+    cut_of: AnyIntArray
     position_error: FloatArray
     axis_error: FloatArray
     tilt: FloatArray

@@ -13,7 +13,7 @@ from bisect import bisect_right
 
 import numpy as np
 
-from postproc.arrays import AnyIntArray, BoolArray
+from postproc.arrays import AnyIntArray
 from postproc.cell import Cell
 from postproc.controller import EventWord, TraceEvent
 from postproc.errors import RunKind, Severity
@@ -38,8 +38,6 @@ _COUNTED = (
     EventKind.TAP_REVERSE,
     EventKind.SPINDLE_ORIENT,
 )
-_STANDS = (EventWord.DWELL, EventWord.WAIT_FOR, EventWord.HALT)
-_STOPPING = (EventKind.STOP, EventKind.OPTIONAL_STOP, EventKind.TOOL_CHANGE)
 _LISTED = 20
 
 
@@ -48,7 +46,7 @@ def check_events(
     cell: Cell,
     toolpath: ToolPath,
     found: Comparison,
-) -> None:
+) -> frozenset[int]:
     """Compare the events of a program with those of its CAM file.
 
     Args:
@@ -56,6 +54,9 @@ def check_events(
         cell: names of the routines.
         toolpath: what was asked for.
         found: which motions go to which tags, and which of them cut.
+
+    Returns:
+        Places in ``trace.events`` of what the file asks for.
     """
     spans = _Spans(found.served, found.latest, len(result.paths))
     names = {kind: name.upper() for kind, name in cell.krl.hooks.items()}
@@ -73,6 +74,7 @@ def check_events(
             fits, surplus[kind] = _compare_kind(result, kind, name, asked, calls[kind])
             there += fits
     there += check_signals(result, cell, everything)
+    served = {id(call) for _, call in (*there, *steps)} | _dwells(result, toolpath, spans, found)
     # The order is a question once everything is there, where the file has it.
     states = None
     if len(result.findings) == before:
@@ -80,7 +82,20 @@ def check_events(
         states.check(result, found.is_cut)
     check_surplus(result, cell, calls, surplus, found.is_cut)
     _compare_dwells(result, toolpath, spans, states)
-    _check_standing(result, everything, found.milled, names)
+    return frozenset(k for k, e in enumerate(result.paths.trace.events) if id(e) in served)
+
+
+def _dwells(result: Result, toolpath: ToolPath, spans: _Spans, found: Comparison) -> set[int]:
+    """Return the ids of waits where the file has a dwell, between tags or in a hole."""
+    allowed = np.zeros(len(result.paths) + 2, dtype=np.bool_)
+    for event in toolpath.events:
+        if event.kind is EventKind.DWELL:
+            span = spans.of(event)
+            allowed[span.first : span.last + 1] = True
+    bottoms = (found.wanted.dwell > 0.0) & (found.served >= 0)
+    allowed[found.served[bottoms] + 1] = True
+    events = result.paths.trace.events
+    return {id(e) for e in events if e.word is EventWord.DWELL and allowed[e.motion]}
 
 
 def _asked(toolpath: ToolPath, cell: Cell, spans: _Spans) -> list[Asked]:
@@ -235,26 +250,6 @@ def _tell_dwell(
     text = f"{have:g} s of dwell, line {line} of the CAM file asks for {value:g} s"
     result.finding(RunKind.DWELL, min(span.first, len(result.paths) - 1), text, severity)
     return True
-
-
-def _check_standing(
-    result: Result, everything: list[Asked], milled: BoolArray, names: dict[str, str]
-) -> None:
-    """Check that the tool never stands in the material where the file has nothing to wait for."""
-    inside = np.r_[False, milled[:-1] & milled[1:], False]
-    for _, span in everything:
-        inside[span.first : span.last + 1] = False
-    stopping = {names[kind] for kind in _STOPPING if kind in names}
-    standing = [
-        event
-        for event in result.paths.trace.events
-        if (event.word in _STANDS or (event.word is EventWord.HOOK and event.name in stopping))
-        and not event.on_the_way
-        and event.value != 0.0
-    ]
-    for event in [event for event in standing if inside[event.motion]][:_LISTED]:
-        text = f"{event.name} in the middle of a cut: the tool stands in the material"
-        result.finding_at(RunKind.DWELL, result.paths.trace.place_of(event), text)
 
 
 def _tell(result: Result, call: TraceEvent | None, text: str, severity: Severity) -> None:

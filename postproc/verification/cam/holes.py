@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from typing import Protocol
 
@@ -14,6 +14,7 @@ from postproc.errors import RunKind
 from postproc.model import ToolPath
 from postproc.paths import Paths
 from postproc.process import FEED_OUT, LEAST_PECK
+from postproc.records import dataclass
 from postproc.units import MM
 from postproc.verification.cam.matching import Wanted
 from postproc.verification.cam.real import RealPaths
@@ -48,6 +49,18 @@ def passed_pecks(paths: Paths, tolerance: float) -> BoolArray:
     return passed
 
 
+@dataclass(frozen=True, slots=True)
+class Drilled:
+    """What was found at holes.
+
+    ``on_axis`` (m,): row of the hole along whose axis a path motion runs, -1 for none; ``spans``:
+    by row the motion that begins to drill and the last one that is not out of the hole.
+    """
+
+    on_axis: AnyIntArray
+    spans: Mapping[int, tuple[int, int]]
+
+
 class Feeds(Protocol):
     """Collects the feed that motions should have."""
 
@@ -65,16 +78,13 @@ def check_holes(
     is_cut: BoolArray,
     tolerance: float,
     feeds: Feeds,
-) -> AnyIntArray:
-    """Check every hole that the program drills; its drilling motions are marked in ``is_cut``.
-
-    Returns:
-        (m,) row of the hole along whose axis a path motion runs, -1 for none.
-    """
+) -> Drilled:
+    """Check every hole that the program drills; its drilling motions are marked in ``is_cut``."""
     rows = np.flatnonzero(wanted.is_hole & (served >= 0))
     on_axis = np.full(len(is_cut), -1, dtype=np.int64)
+    spans: dict[int, tuple[int, int]] = {}
     if not len(rows):
-        return on_axis
+        return Drilled(on_axis, spans)
     dwells = _dwells(result)
     checker = _Holes(result, real, wanted, served, NEAR * tolerance)
     for row in rows.tolist():
@@ -83,9 +93,10 @@ def check_holes(
         cycle = toolpath.cycles[int(toolpath.cycle[row])]
         fed = (*drilled, *checker.bottomed)
         feeds.expect(row, (*fed, *(checker.feed_out(row) if cycle.kind in FEED_OUT else ())))
+        spans[row] = (min((*drilled, int(served[row]))), checker.left(row))
         checker.dwell(row, dwells.get(int(served[row]), 0.0))
     on_axis[list(checker.along)] = list(checker.along.values())
-    return on_axis
+    return Drilled(on_axis, spans)
 
 
 def _dwells(result: Result) -> dict[int, float]:
@@ -188,6 +199,10 @@ class _Holes:
         needed = height + self._near if wanted.break_chip[row] else needed - self._near
         if up < needed:
             self._tell(RunKind.PECK, vertex, "the tool does not come up before the next peck")
+
+    def left(self, row: int) -> int:
+        """Return the motion that comes out of a hole."""
+        return self._left[row]
 
     def feed_out(self, row: int) -> tuple[int, ...]:
         """Return the motions that leave a hole, up to the height where its feed began."""
