@@ -14,6 +14,7 @@ from postproc.gap import (
     Diagnosis,
     Kept,
     along,
+    calibrated_urdf,
     document,
     kept,
     model_file,
@@ -87,7 +88,7 @@ class DiagnosisJob(Paged):
         return diagnosis_page(self.diagnosis, self.document, drawing, self.path)
 
     def write(self, folder: str | Path) -> tuple[Path, ...]:
-        """Write ``report.html``, ``model.toml`` and what to measure next; return the paths.
+        """Write page, ``model.toml``, ``calibrated.urdf`` and what to measure next.
 
         Args:
             folder: made where it is missing.
@@ -101,7 +102,9 @@ class DiagnosisJob(Paged):
         """
         folder = Path(folder)
         keep_readings(folder)
-        files = {"report.html": self.page(), "model.toml": save_model(self.model)}
+        model = self.model
+        files = {"report.html": self.page(), "model.toml": save_model(model)}
+        files["calibrated.urdf"] = calibrated_urdf(build(self.cell.robot), self.cell, model)
         files |= next_files(self.following, self.diagnosis, self.cell)
         contents = {folder / name: content for name, content in files.items()}
         write_files(contents)

@@ -1,6 +1,7 @@
 """The diagnosis and what follows from it: document, where, next poses, prediction."""
 
 from postproc.gap.answers.along import Along, along
+from postproc.gap.answers.calibrated import calibrated_urdf
 from postproc.gap.answers.diagnose import Diagnosis, diagnose
 from postproc.gap.answers.document import document, model_file
 from postproc.gap.answers.kept import Kept, kept
@@ -22,6 +23,7 @@ __all__ = [
     "Prediction",
     "Reach",
     "along",
+    "calibrated_urdf",
     "diagnose",
     "document",
     "kept",
