@@ -282,7 +282,7 @@ def test_an_unfilled_table_is_refused_with_its_line(ambiguous, tmp_path, capsys)
     assert run(["diagnose", str(path), "--cell", str(PANEL_CELL), "-o", str(out), "--quiet"]) == 0
     plan = str(out / "next_measurements.csv")
     assert run(["diagnose", str(path), plan, "--cell", str(PANEL_CELL)]) == 2
-    assert f"{plan}:6: error MEA007: x_mm is empty" in capsys.readouterr().err
+    assert f"{plan}:6: error MEA007: the row reads nothing" in capsys.readouterr().err
 
 
 def test_play_that_nobody_logged_is_asked_for_from_both_sides(world, cell, tmp_path):
