@@ -15,6 +15,7 @@ from postproc.gap import (
     Kept,
     along,
     calibrated_urdf,
+    certificate,
     document,
     kept,
     model_file,
@@ -66,7 +67,8 @@ class DiagnosisJob(Paged):
     @cached_property
     def document(self) -> dict[str, Any]:
         """The ``postproc.diagnosis/1`` document, as ``diagnose --json`` prints it."""
-        return document(self.diagnosis, self.following.poses, self.path, self.promise)
+        told = document(self.diagnosis, self.following.poses, self.path, self.promise)
+        return told | {"certificate": certificate(self.diagnosis, self.cell)}
 
     @property
     def summary(self) -> Sequence[str]:

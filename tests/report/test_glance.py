@@ -31,7 +31,7 @@ def document(**changes: Any) -> dict[str, Any]:
             **{"value": 0.87, "ci": [0.84, 0.9]},
         },
         "noise": {"sigma_mm": 0.015, "conflict": None, "drift": None},
-        "residual": {"structured_rms_mm": 0.08},
+        "residual": {"structured_rms_mm": 0.08, "depends_on": []},
         "unexplained": [],
         "outliers": [],
         "not_testable": [],

@@ -205,6 +205,11 @@ def _near(mark: Record) -> bool | None:
     return None if error is None else abs(error) <= 0.05
 
 
+def _contradicted(mark: Record) -> bool | None:
+    told = mark.get("contradictions")
+    return None if told is None else bool(told)
+
+
 MARKS: tuple[tuple[str, str, Callable[[Record], float | bool | None]], ...] = (
     ("no answer", "0", lambda m: m["crashed"]),
     ("wrong cause above 0.5", "0.03 (unlisted 0.05)", lambda m: m.get("likely_wrong")),
@@ -217,6 +222,7 @@ MARKS: tuple[tuple[str, str, Callable[[Record], float | bool | None]], ...] = (
     ("genuine rows thrown out", "0", lambda m: m.get("thrown")),
     ("shrinkage within 5 points", "0.92", _near),
     ("its interval holds", "0.85 to 0.97", lambda m: m.get("shrink_covered")),
+    ("pages that numbers contradict", "0", _contradicted),
     ("points in their radius, fresh", "0.92 to 0.98", lambda m: m.get("held_fresh")),
     ("points in their radius, other design", "0.92 to 0.98", lambda m: m.get("held_transfer")),
 )

@@ -42,6 +42,7 @@ def judge(answer: Record, record: Record) -> Record:
         ],
         "wrong_outright": [name for name in wrong if not twins.get(name, set()) & right],
         "seconds": record["seconds"],
+        "contradictions": record.get("contradictions"),
     }
     marks |= _naming(answer, adopted, twins)
     marks |= _verdict(answer, marks)
@@ -237,5 +238,6 @@ def _faults(answer: Record, marks: Record) -> list[str]:
         faults.append(f"unexplained not said of {hidden}")
     if abs(marks.get("shrink_error") or 0.0) > 0.05:
         faults.append("shrinkage off by more than 5 points")
+    faults += [f"says {one}" for one in marks["contradictions"] or ()]
     faults += [f"worse on {kind} rows" for kind in ("fresh", "transfer") if marks[f"worse_{kind}"]]
     return faults

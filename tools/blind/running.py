@@ -15,6 +15,8 @@ from typing import Any
 
 import numpy as np
 
+from tools.blind.pages import contradictions
+
 LIMIT_S = 300.0
 Record = dict[str, Any]
 
@@ -60,6 +62,10 @@ def run_case(case: Path, out: Path, answer: Record) -> Record:
     except json.JSONDecodeError:
         record["diagnosis"] = None
         return record
+    page = out / "report.html"
+    record["contradictions"] = (
+        contradictions(record["diagnosis"], page.read_bytes()) if page.is_file() else []
+    )
     found = ["--model", str(_arm(out / "model.toml"))] if (out / "model.toml").is_file() else known
     for name in ("fresh", "transfer"):
         rows = case / f"{name}.csv"

@@ -2,6 +2,7 @@
 
 from postproc.gap.answers.along import Along, along
 from postproc.gap.answers.calibrated import calibrated_urdf
+from postproc.gap.answers.certificate import certificate
 from postproc.gap.answers.diagnose import Diagnosis, diagnose
 from postproc.gap.answers.document import document, model_file
 from postproc.gap.answers.kept import Kept, kept
@@ -9,7 +10,7 @@ from postproc.gap.answers.next_pose import APPROACH, NextPose, Reach
 from postproc.gap.answers.next_poses import last_set_up, next_poses, questions, reassessed
 from postproc.gap.answers.outlook import Outlook, outlook
 from postproc.gap.answers.predict import Prediction, predict
-from postproc.gap.answers.summary import noise_words, summary
+from postproc.gap.answers.summary import is_ambiguous, noise_like, noise_words, summary
 from postproc.gap.answers.where import Part, parts
 
 __all__ = [
@@ -24,12 +25,15 @@ __all__ = [
     "Reach",
     "along",
     "calibrated_urdf",
+    "certificate",
     "diagnose",
     "document",
+    "is_ambiguous",
     "kept",
     "last_set_up",
     "model_file",
     "next_poses",
+    "noise_like",
     "noise_words",
     "outlook",
     "parts",

@@ -53,7 +53,8 @@ class Diagnosis:
     level: the noise and what it rests on; memory: correlated noise and smooth rest of the rows;
     baseline: (n, 3) points of the given model with the registration [m]; fit: of all rows, points
     and frames those of the adopted effects; residual: (n, 3) [m]; total: 3D rms [m] on rows left
-    out, before and after all adopted effects, and the 90 % interval of the shrinkage; sealed: the
+    out, before and after all adopted effects, and the 90 % interval of the shrinkage; held: (k, 2)
+    the same of each row kept [m]; sealed: the
     same two of the sealed rows, NaN without such; extra: for each effect not adopted the 3D rms [m]
     on rows left out, without and with it; deviation: standard deviations (p,) of each adopted
     effect's numbers; unexplained: what the rest is a function of; ripple: waves in what is left
@@ -75,6 +76,7 @@ class Diagnosis:
     structure: float
     steps: tuple[Step, ...]
     total: tuple[float, float, float, float]
+    held: FloatArray
     sealed: tuple[float, float]
     extra: dict[str, tuple[float, float]]
     unexplained: tuple[RestPart, ...]
@@ -140,6 +142,7 @@ def diagnose(problem: Problem, progress: Progress | None = None) -> Diagnosis:
         structure=assessed.structure,
         steps=apart.steps,
         total=apart.total,
+        held=apart.held,
         sealed=apart.sealed,
         extra=_extra(regression, choice),
         unexplained=() if answer in ("explained", "no_gap") else rest,

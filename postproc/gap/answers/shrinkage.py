@@ -42,7 +42,8 @@ class Apart:
 
     steps: the adopted effects, most helpful first; total: 3D rms [m] before and after all of them,
     and the 90 % interval of the shrinkage; sealed: the same two of the sealed rows, by fits without
-    any of them, NaN without such; fit: of all rows; baseline: (n, 3) points without effects [m].
+    any of them, NaN without such; fit: of all rows; baseline: (n, 3) points without effects [m];
+    held: (k, 2) by how much each row that counts is missed, before and after [m].
     """
 
     steps: tuple[Step, ...]
@@ -50,6 +51,7 @@ class Apart:
     sealed: tuple[float, float]
     fit: Fit
     baseline: FloatArray
+    held: FloatArray
 
     @classmethod
     def of(
@@ -95,6 +97,7 @@ class Apart:
             (parts.sealed(first), parts.sealed(last)),
             last.fit,
             first.fit.point,
+            np.stack([left[0], left[-1]], axis=1),
         )
 
 

@@ -7,6 +7,11 @@ from typing import Any
 from postproc.gap.robot_model import effect_of
 from postproc.measurement import Remark
 
+_SEEN = 0.01
+"""Probability by chance below which a page does not call a rest noise without a word."""
+_SURE = 0.9
+"""Probability from which a cause is not called open."""
+
 
 def summary(content: dict[str, Any]) -> list[str]:
     """Return the lines of a plain-language summary of a diagnosis document."""
@@ -22,9 +27,10 @@ def summary(content: dict[str, Any]) -> list[str]:
         )
     lines += _causes(content)
     if content["verdict"] == "no_gap":
-        lines.append("No gap: what is measured cannot be told from noise.")
+        lines.append(f"No gap: what is measured {noise_like(content)}.")
     elif content["verdict"] == "explained":
-        lines.append(f"Explained: the {rest['rms_mm']:.3f} mm that remain look like noise.")
+        left = noise_like(content)
+        lines.append(f"Explained: what remains, {rest['rms_mm']:.3f} mm, {left}.")
     elif content["verdict"] == "undetermined":
         lines.append(
             f"Undetermined: whether the {rest['rms_mm']:.3f} mm that remain are noise cannot be"
@@ -78,6 +84,23 @@ def noise_words(noise: dict[str, Any]) -> str:
     return text + (f"; but {noise['conflict']}" if noise["conflict"] else "")
 
 
+def noise_like(content: dict[str, Any]) -> str:
+    """Return what may be said of a rest that is no larger than noise: the tests decide."""
+    seen = [test for test in content["residual"]["depends_on"] if test["p_value"] < _SEEN]
+    if not seen:
+        return "looks like noise"
+    words = ", ".join(f"{test['name']} (p = {test['p_value']:.2g})" for test in seen[:3])
+    return f"is no larger than noise, but follows {words}"
+
+
+def is_ambiguous(content: dict[str, Any]) -> bool:
+    """Return whether a cause is open: a set, a name that is not sure, or a rest without a name."""
+    adopted = [item for item in content["effects"] if item["adopted"]]
+    return content["verdict"] not in ("explained", "no_gap") or any(
+        item["confounded_with"] or item["rival"] or item["probability"] < _SURE for item in adopted
+    )
+
+
 def _causes(content: dict[str, Any]) -> list[str]:
     lines = []
     for item in content["effects"]:
@@ -124,7 +147,7 @@ def _unexplained(rest: dict[str, Any]) -> list[str]:
     clear = [d["name"] for d in rest["depends_on"] if d["p_value"] < 1e-3][:4]
     line = f"Unexplained: {rest['rms_mm']:.3f} mm remain"
     line += f" and follow {', '.join(clear)}." if clear else "."
-    lines = [line + " No effect of the library is to blame for it."]
+    lines = [line + " No effect of the library that these rows can show explains it."]
     lines += [f"  It {item['title']}. {item['action']}." for item in rest["resembles"]]
     if rest["ripple"]:
         waves = ", ".join(

@@ -13,10 +13,12 @@ from postproc.gap import (
     Part,
     Samples,
     effect_of,
+    is_ambiguous,
     noise_words,
     parts,
     summary,
 )
+from postproc.report.pages.certificate import add_certificate
 from postproc.report.parts import (
     Drawing,
     Page,
@@ -76,6 +78,7 @@ def diagnosis_page(
     page.section("What is left: tests of the residual", _tests(content), "half")
     page.section("Numbers of the adopted effects", _numbers(content), "wide")
     page.section("What to measure next", _next(content))
+    add_certificate(page, content)
     return page.render()
 
 
@@ -376,6 +379,8 @@ def _next(content: dict[str, Any]) -> str:
         for k, item in enumerate(content["next_measurements"])
     ]
     if not rows:
+        if is_ambiguous(content):
+            return "<p>No pose of the cell would tell more of what is still open.</p>"
         return "<p>Nothing is ambiguous on these rows.</p>"
     head = (
         *("row", "A1 to A6 [deg]", "approach", "load [N]", "expected at [mm]"),

@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 _LIKELY = 0.9
+_SEEN = 0.01
+"""Probability by chance below which a rest is said to follow time."""
 _LITTLE = 0.5
 """Share of the gap below which what the causes take of it is said to be little."""
 
@@ -42,6 +44,9 @@ def where_time(content: dict[str, Any]) -> str:
     late = [part for part in content["unexplained"] if part["class"] == "time"]
     if late:
         return f"{late[0]['rms_mm']:.3f} mm of the rest follow time: {late[0]['shape']}."
+    seen = [test for test in content["residual"]["depends_on"] if test["name"] == "time"]
+    if any(test["p_value"] < _SEEN for test in seen):
+        return f"{seen[0]['rms_mm']:.3f} mm of the rest follow time (p = {seen[0]['p_value']:.2g})."
     return "Nothing is seen to follow time."
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from postproc.gap import noise_like
+
 _ENOUGH = 0.6
 """Share of the explained gap from which on one or two joints are worth naming."""
 
@@ -16,7 +18,7 @@ def headline(content: dict[str, Any]) -> str:
     """
     gap, total = content["gap"]["rms_mm"], content["shrinkage"]
     if content["verdict"] == "no_gap":
-        return f"No gap: the {gap:.3f} mm that are measured cannot be told from noise."
+        return f"No gap: what is measured, {gap:.3f} mm, {noise_like(content)}."
     if content["verdict"] == "undetermined" and not content["adopted"]:
         return f"Undetermined: nothing tells whether the {gap:.3f} mm gap is more than noise."
     adopted = [item for item in content["effects"] if item["adopted"]]
