@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
@@ -74,6 +74,20 @@ def write_files(contents: Mapping[Path, bytes], *, durable: bool = False) -> Non
     finally:
         for temporary, _ in staged:
             temporary.unlink(missing_ok=True)
+
+
+def remove_files(paths: Iterable[Path]) -> None:
+    """Remove files, those that are gone already included.
+
+    Raises:
+        ReadError: IO003 if one cannot be removed.
+    """
+    for path in paths:
+        try:
+            path.unlink(missing_ok=True)
+        except OSError as problem:
+            reason = problem.strerror or type(problem).__name__
+            raise ReadError("IO003", f"cannot be removed: {reason}", SourceRef(str(path))) from None
 
 
 def leftovers(folder: Path) -> list[Path]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from functools import cache
+from pathlib import Path
 
 NAME_LENGTH = 24
 """Longest KRL name."""
@@ -33,6 +35,18 @@ SYSTEM_MODULES = frozenset(_MODULES.split())
 """Modules and routines of a delivered controller, and file names its Windows refuses."""
 
 
+@cache
+def reserved_names() -> frozenset[str]:
+    """Return every name of the language and of a delivered controller, variables without $."""
+    here = Path(__file__).parent
+    listed = re.sub(r"(?m)^#.*", "", (here / "names.txt").read_text("ascii"))
+    table = (here / "krl" / "system.toml").read_text("utf-8")
+    variables = " ".join(re.findall(r'\bnames = "([^"]*)"', table))
+    structures = " ".join(re.findall(r'(?m)^structures = """([^"]*)"""', table))
+    bare = {name.partition(".")[0] for name in variables.split()}
+    return KEYWORDS | SYSTEM_MODULES | bare | {*structures.split(), *listed.split()}
+
+
 def is_legal(name: str) -> bool:
     """Whether a module, routine or variable of ours may be called so."""
-    return bool(re.fullmatch(LETTERS, name)) and name.upper() not in KEYWORDS | SYSTEM_MODULES
+    return bool(re.fullmatch(LETTERS, name)) and name.upper() not in reserved_names()

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 
 from postproc.cell import Cell
 from postproc.errors import Finding
-from postproc.files import write_files
 from postproc.geometry import kuka_from_transform
-from postproc.jobs.convert import Conversion, document, output_paths
+from postproc.jobs.convert import Conversion, document, land
 from postproc.jobs.paged import Paged
 from postproc.model import MotionKind, MoveKind, MoveRole, Plan, ToolPath
 from postproc.units import DEG, MM, MM_PER_MIN, N_PER_MM
@@ -132,6 +131,8 @@ class Job(Paged):
     def write(self, folder: str | Path) -> tuple[Path, ...]:
         """Write the program files whole or not at all, and return their paths.
 
+        Sub-programs that a former, longer program of this name has left there are removed.
+
         Args:
             folder: made where it is missing.
 
@@ -141,9 +142,8 @@ class Job(Paged):
         Raises:
             ReadError: if the folder cannot be written.
         """
-        contents = output_paths(self._conversion, Path(folder))
-        write_files(contents)
-        return tuple(contents)
+        land(self._conversion, Path(folder))
+        return tuple(Path(folder) / name for name in self.files)
 
     def page(self) -> bytes:
         """Return the page of the program: one HTML file that opens offline."""

@@ -8,6 +8,7 @@ from dataclasses import replace
 from postproc.batch.jobs import source_of
 from postproc.batch.manifest import Manifest
 from postproc.batch.worker import JobResult
+from postproc.emitters import Former, former_parts
 from postproc.errors import PostprocError
 from postproc.files import write_files
 
@@ -26,6 +27,8 @@ class Landing:
 
     def __init__(self, manifest: Manifest, keys: Sequence[str], owned: Mapping[str, str]) -> None:
         self.manifest = manifest
+        self.removed: list[str] = []
+        """Files that an earlier result or program has left, and that are no more."""
         self._order = {key: number for number, key in enumerate(keys)}
         self._claims: dict[str, set[str]] = {}
         for name, key in owned.items():
@@ -53,11 +56,17 @@ class Landing:
                 self._displace(rival, key)
         before = self.manifest.entries.get(key, {}).get("files", {})
         folder = self.manifest.folder
+        former = Former()
         try:
+            former = former_parts(folder, result.name, result.files)
             write_files({folder / name: content for name, content in result.files.items()})
         except PostprocError as problem:
             result = replace(result, status="error", files={}, errors=(str(problem),))
-        self._drop(key, set(before) - set(result.files))
+            former = Former()
+        stay = tuple(str(finding) for finding in former.findings(folder))
+        result = replace(result, warnings=(*result.warnings, *stay))
+        gone = {*before, *former.ours} - {*result.files, *former.foreign}
+        self._drop(key, gone)
         self.manifest.record(result, marks, result.files)
         return result
 
@@ -83,10 +92,12 @@ class Landing:
     def _drop(self, key: str, names: Iterable[str]) -> None:
         """Remove files that no other entry has now."""
         entries = self.manifest.entries
-        for name in names:
+        for name in sorted(names):
             others = self._claims.get(name.upper(), set()) - {key}
             if not any(name in entries.get(other, {"files": ()})["files"] for other in others):
-                (self.manifest.folder / name).unlink(missing_ok=True)
+                path = self.manifest.folder / name
+                self.removed += [name] if path.exists() else []
+                path.unlink(missing_ok=True)
 
 
 def _clash(result: JobResult, program: str, first: str) -> JobResult:

@@ -44,7 +44,8 @@ class BatchOptions:
 class BatchOutcome:
     """What a batch did, by job key.
 
-    ``vanished``: outputs whose input is gone; ``unsaved``: why the manifest could not be written.
+    ``vanished``: outputs whose input is gone; ``removed``: files that earlier programs of inputs
+    of this batch have left; ``unsaved``: why the manifest could not be written.
     """
 
     manifest: Manifest
@@ -53,6 +54,7 @@ class BatchOutcome:
     kept: list[str] = field(default_factory=list)
     vanished: list[str] = field(default_factory=list)
     pruned: list[str] = field(default_factory=list)
+    removed: list[str] = field(default_factory=list)
     unsaved: str = ""
 
     @property
@@ -88,6 +90,7 @@ class BatchOutcome:
             "failed": self.bad,
             "vanished": self.vanished,
             "pruned": self.pruned,
+            "removed": self.removed,
             "entries": {key: self.manifest.entries[key] for key in self.keys},
         }
 
@@ -123,6 +126,7 @@ def run_batch(
         for caller in work.callers:
             _land_caller(landing, caller, outcome)
         _sweep(outcome, options.prune)
+        outcome.removed = sorted({*outcome.removed, *landing.removed})
         try:
             manifest.save()
         except PostprocError as problem:  # the journal still holds what was done
@@ -216,13 +220,17 @@ def _kind(line: str) -> str:
 
 
 def _sweep(outcome: BatchOutcome, prune: bool) -> None:
-    """List outputs whose input is gone; remove them only when asked."""
-    manifest = outcome.manifest
+    """Remove what inputs of this batch made under keys that they no longer have (sections).
+
+    Outputs whose input is gone are listed, and removed only when asked.
+    """
+    manifest, given = outcome.manifest, _places(outcome.keys)
     for key, files in vanished(manifest, outcome.keys).items():
-        outcome.vanished += files
-        if prune:
+        is_ours = os.path.abspath(source_of(key)) in given  # noqa: PTH100 - links stay links
+        (outcome.removed if is_ours else outcome.vanished).extend(files)
+        if prune or is_ours:
             for name in files:
                 with suppress(OSError):
                     (manifest.folder / name).unlink(missing_ok=True)
-            outcome.pruned += files
+            outcome.pruned += [] if is_ours else files
             del manifest.entries[key]

@@ -11,16 +11,19 @@ from postproc.emitters.check import (
     with_emitter,
     written,
 )
+from postproc.emitters.former import Former, former_parts
 
 __all__ = [
     "EMITTERS",
     "Against",
     "Emitter",
+    "Former",
     "Program",
     "ReadBack",
     "differences",
     "emit",
     "emitter_of",
+    "former_parts",
     "is_checkable",
     "motions_of",
     "read_back",

@@ -16,8 +16,18 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.cell import Cell, shared_cell
-from postproc.emitters import Against, Program, ReadBack, emit, emitter_of, read_back, with_emitter
+from postproc.emitters import (
+    Against,
+    Program,
+    ReadBack,
+    emit,
+    emitter_of,
+    former_parts,
+    read_back,
+    with_emitter,
+)
 from postproc.errors import CellError, DataError, Finding, Severity, SourceRef, fold
+from postproc.files import remove_files, write_files
 from postproc.jobs.arm_doubts import warned_doubts
 from postproc.jobs.joint_targets import with_joint_targets
 from postproc.jobs.trade import Outcome, lost_percent, outcomes
@@ -430,12 +440,22 @@ def _compensation(conversion: Conversion) -> dict[str, Any] | None:
     }
 
 
-def output_paths(conversion: Conversion, folder: Path) -> dict[Path, bytes]:
-    """Return the program files by target path.
+def land(
+    conversion: Conversion, folder: Path, more: Mapping[Path, bytes] | None = None
+) -> tuple[tuple[str, ...], tuple[Finding, ...]]:
+    """Write the program files and ``more`` whole, and remove the parts that a former one left.
+
+    Returns:
+        names of the files that were removed, and a finding where others stay.
 
     Raises:
         CellError: CEL902 if the folder is the name of a file.
+        ReadError: IO003 if a file cannot be written or removed.
     """
     if folder.exists() and not folder.is_dir():
         raise CellError("CEL902", "the output is not a folder", SourceRef(str(folder)))
-    return {folder / name: content for name, content in conversion.files.items()}
+    former = former_parts(folder, conversion.name, conversion.files)
+    written = {folder / name: content for name, content in conversion.files.items()}
+    write_files({**written, **(more or {})})
+    remove_files(folder / name for name in former.ours)
+    return former.ours, former.findings(folder)

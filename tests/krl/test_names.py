@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from postproc.errors import EmitError
 from postproc.krl.text.names import NameAllocator, legal_name
-from postproc.names import KEYWORDS, SYSTEM_MODULES, is_legal
+from postproc.names import is_legal, reserved_names
+from tests.places import SHARED
 
 LEGAL = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,23}\Z")
 nasty = st.one_of(
@@ -46,11 +47,31 @@ def test_allocated_names_are_unique_with_their_endings(texts, endings):
     assert list(names.changes) == changes
 
 
-@pytest.mark.parametrize("word", sorted(KEYWORDS | SYSTEM_MODULES))
-def test_keywords_and_modules_of_the_controller_are_avoided(word):
-    for spelling in (word, word.lower(), word.title()):
-        name = legal_name(spelling)
-        assert name.upper() not in KEYWORDS | SYSTEM_MODULES
+def test_names_of_the_language_and_of_the_controller_are_avoided():
+    """Drawn from each kind: keyword, module, $config.dat, bas.src, function, $operate, axis."""
+    known = """
+    PTP BAS CELL TOOL_DATA PDAT_ACT USER_GRP XHOME3 PGNO_VALID SVEL_CP SET_CD_PARAMS MSGNOTIFY SIN
+    STRADD SYNCCMD BAS_COMMAND MSG H_POS OV_PRO STOPMESS MODE_OP A1 E6 CON
+    """
+    assert set(known.split()) <= reserved_names()
+    for word in sorted(reserved_names()):
+        for spelling in (word, word.lower(), word.title()):
+            assert not is_legal(spelling)
+            assert is_legal(legal_name(spelling)), spelling
+            assert legal_name(spelling).upper().startswith(word[:20])
+
+
+def test_every_global_of_the_controllers_at_hand_is_avoided():
+    """Data lists of $config.dat and routines of R1/System, where checkouts of real ones are."""
+    shared = {}
+    for config in sorted((SHARED / "real" / "krc").rglob("$config.dat")):
+        for line in config.read_text("latin-1").splitlines():
+            found = re.match(r"\s*(?:DECL\s+)?[A-Z]\w*\s+([A-Z_]\w*)\s*(?:\[|=|$)", line, re.I)
+            if found and found[1].upper() not in ("CONFIG", "PUBLIC"):
+                shared.setdefault(found[1].upper(), set()).add(config)
+    if not shared:
+        pytest.skip("no data of controllers at hand")
+    assert not {name for name in shared if is_legal(name)}
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ import pinocchio as pin
 from postproc.arrays import BoolArray, FloatArray
 from postproc.cell import Cell, load_cell
 from postproc.geometry import inverse, rotation_about, transform
-from postproc.jobs.convert import ConvertRequest, convert, output_paths, read_toolpath
+from postproc.jobs.convert import ConvertRequest, convert, land, read_toolpath
 from postproc.jobs.verify import verify
 from postproc.units import DEG, MM
 from tools.bench.crowded import HOMES, Job, random_job
@@ -129,8 +129,7 @@ def converted(job: Job, place: Place, tags: int, folder: Path, score: Score) -> 
         (folder / "part.apt").write_text(text)
         done = convert(ConvertRequest(str(folder / "part.apt"), str(folder / "cell.toml")))
         if done.good and done.files:
-            for path, content in output_paths(done, folder).items():
-                path.write_bytes(content)
+            land(done, folder)
             return folder / f"{done.name.lower()}.src"
         lines = [f.source.line for f in done.findings if f.is_error and f.source is not None]
         for finding in done.findings:

@@ -142,6 +142,10 @@ def _summary(session: Session, outcome: BatchOutcome) -> None:
         f"{len(outcome.keys)} programs: {len(outcome.done)} done, {len(outcome.kept)} unchanged, "
         f"{len(outcome.bad)} failed"
     )
+    if outcome.removed:
+        session.show(f"{len(outcome.removed)} files of former programs removed")
+        for name in outcome.removed[:20]:
+            session.show(f"  {name}")
     if outcome.vanished:
         verb = "removed" if outcome.pruned else "left in place (--prune removes them)"
         session.show(f"{len(outcome.vanished)} files whose input is gone: {verb}")

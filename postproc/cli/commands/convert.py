@@ -86,8 +86,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     are checked along the whole motion, and the written text is read back and compared with the
     CAM path. If any tag fails nothing is written and the exit code is 1.
     """
-    from postproc.files import write_files
-    from postproc.jobs.convert import ConvertRequest, convert, document, output_paths
+    from postproc.jobs.convert import ConvertRequest, convert, document, land
 
     request = ConvertRequest(
         source=options["source"],
@@ -107,17 +106,18 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         conversion = convert(request, progress)
         maps = _spin_maps(conversion, options["spin_maps"], progress)
     folder = Path(options["output"])
-    contents = output_paths(conversion, folder)
+    contents = dict(maps)
     if options["report"]:
         from postproc.jobs.pages import page_of_conversion
 
         contents[Path(options["report"])] = page_of_conversion(conversion)
-    contents |= maps
-    write_files(contents)
-    session.findings(conversion.findings)
-    content = document(conversion)
+    removed, stay = land(conversion, folder, contents)
+    session.findings([*conversion.findings, *stay])
+    content = {**document(conversion), "removed": list(removed)}
     session.document(content)
     _summary(session, conversion, content, folder)
+    if removed:
+        session.show(f"removed  {', '.join(removed)}: left by a former {conversion.name}")
     for name, path in (("page", options["report"]), *(("map", p) for p in options["spin_maps"])):
         if path:
             session.show(f"{name:<8} {path}")

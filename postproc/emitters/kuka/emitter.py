@@ -16,6 +16,7 @@ from pathlib import PurePath
 import numpy as np
 
 from postproc.cell import Cell, KrlOptions, Kss, Split
+from postproc.emitters.former import part_title
 from postproc.emitters.kuka import restart
 from postproc.emitters.kuka.columns import (
     Columns,
@@ -273,7 +274,7 @@ class _Program:
     def _sub(self, number: int, part: Part) -> tuple[list[Statement], list[Statement]]:
         """Return the statements and the data of a sub-program."""
         values = self._values(part.first)
-        title = f"part {number} of {len(self.parts)}: motions {part.first + 1} to {part.stop}"
+        title = part_title(number, len(self.parts), part.first, part.stop)
         texts = {**self._texts(), "part": title}
         writer = self._writer(part)
         body = [
