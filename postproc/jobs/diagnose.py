@@ -27,6 +27,7 @@ from postproc.jobs.measure_next import files as next_files
 from postproc.jobs.measure_next import keep_readings, measure_next
 from postproc.jobs.paged import Paged
 from postproc.jobs.readings import readings
+from postproc.jobs.self_check import reliability, self_check
 from postproc.kinematics import build
 from postproc.model import ModelFile, ToolPath, save_model
 from postproc.progress import Progress
@@ -36,7 +37,7 @@ class DiagnosisJob(Paged):
     """The answer to a campaign. Nothing is on disk before ``write``.
 
     ``given``: what the simulation knew before; ``path``: where the rows lie on a program;
-    ``promise``: what came of the diagnosis of an earlier campaign.
+    ``promise``: what came of the diagnosis of an earlier campaign; ``checked``: the self-check.
     """
 
     def __init__(
@@ -46,12 +47,14 @@ class DiagnosisJob(Paged):
         given: ModelFile | None,
         path: Along | None,
         promise: Kept | None = None,
+        checked: list[dict[str, Any]] | None = None,
     ) -> None:
         self.diagnosis = diagnosis
         self.cell = cell
         self.given = given
         self.path = path
         self.promise = promise
+        self.checked = checked
         self.following = measure_next(diagnosis, cell)
 
     @property
@@ -68,12 +71,13 @@ class DiagnosisJob(Paged):
     def document(self) -> dict[str, Any]:
         """The ``postproc.diagnosis/1`` document, as ``diagnose --json`` prints it."""
         told = document(self.diagnosis, self.following.poses, self.path, self.promise)
-        return told | {"certificate": certificate(self.diagnosis, self.cell)}
+        told |= {"certificate": certificate(self.diagnosis, self.cell)}
+        return told if self.checked is None else told | {"self_check": self.checked}
 
     @property
     def summary(self) -> Sequence[str]:
         """The answer in words, line by line."""
-        told = summary(self.document)
+        told = summary(self.document) + (reliability(self.checked) if self.checked else [])
         return told if self.promise is None else [self.promise.line(), *told]
 
     @property
@@ -125,6 +129,7 @@ def diagnose(
     toolpath: ToolPath | None = None,
     progress: Progress | None = None,
     before: Sequence[str | Path] = (),
+    self_check_trials: int = 0,
 ) -> DiagnosisJob:
     """Return the diagnosis of one campaign in one or several files.
 
@@ -137,6 +142,7 @@ def diagnose(
         progress: called with (done, total, what).
         before: files of the campaign whose diagnosis the rows were compensated with; it knew
             nothing before.
+        self_check_trials: arms of each effect and size that are put into the rows; 0: none.
 
     Raises:
         DataError: if a file is wrong or lacks a column, or the campaigns share no rows (GAP008).
@@ -151,4 +157,7 @@ def diagnose(
     problem = pose_problem(rows, kinematics, cell, model, register)
     diagnosis = diagnose_problem(problem, progress)
     path = None if toolpath is None else along(diagnosis, toolpath, cell)
-    return DiagnosisJob(diagnosis, cell, model, path, promise)
+    checked = None
+    if self_check_trials:
+        checked = self_check(diagnosis, cell, model, self_check_trials, progress)
+    return DiagnosisJob(diagnosis, cell, model, path, promise, checked)

@@ -23,6 +23,7 @@ Examples:
   postproc diagnose tracker.csv --cell cell.toml --register --json
   postproc diagnose measured.csv --cell cell.toml --program part.cls -o out
   postproc diagnose after.csv --before measured.csv --cell cell.toml --model out/model.toml
+  postproc diagnose measured.csv --cell cell.toml --self-check
   postproc diagnose measured.csv out/next_measurements.csv --cell cell.toml -o out2
 """
 
@@ -43,6 +44,16 @@ Examples:
     multiple=True,
     metavar="BEFORE.csv",
     help="Campaign before the compensation: promised against measured, by the ids of the rows.",
+)
+@click.option(
+    "--self-check",
+    "self_check",
+    is_flag=True,
+    help="Put each effect at 0.3, 1 and 3 times its usual size into these rows, and tell how often"
+    " it is named, missed, or blamed on another.",
+)
+@click.option(
+    "--trials", type=click.IntRange(1, 100), default=1, help="Arms of each effect and size. [1]"
 )
 @click.option("--program", metavar="INPUT", help="CAM file: tell where along it the gap lies.")
 @reading_options
@@ -86,6 +97,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
             toolpath,
             progress,
             options["before"],
+            options["trials"] if options["self_check"] else 0,
         )
     if options["output"]:
         job.write(options["output"])
