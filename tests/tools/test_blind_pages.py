@@ -21,6 +21,8 @@ def document(**changes: Any) -> dict[str, Any]:
         "shrinkage": {"value": 0.9, "ci": [0.86, 0.93]},
         "residual": {"rms_mm": 0.034, "depends_on": [{"name": "time", "p_value": 0.4}]},
         "unexplained": [],
+        "rows": {"total": 60},
+        "certificate": {"rows": {"used": 58}, "iso9283": {"poses": [{"pose": "r1"}]}},
     }
     return content | changes
 
@@ -58,6 +60,9 @@ WARM = {"rms_mm": 0.034, "depends_on": [{"name": "temperature", "p_value": 0.000
             {},
             "is 90 %",
         ),
+        ("59 of 60 rows are used.", {}, "rows.used is 58"),
+        ("58 of 61 rows are used.", {}, "rows.total is 60"),
+        ("No pose was read often enough from one side", {}, "poses has 1"),
         ("Most of the 0.31 mm gap, 60 %,", {"shrinkage": {"ci": [-0.2, 0.9]}}, "begins at"),
     ],
 )

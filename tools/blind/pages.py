@@ -113,6 +113,18 @@ def _equals(*path: str) -> Callable[[Document, re.Match[str]], str]:
     return check
 
 
+def _equals_none(*path: str) -> Callable[[Document, re.Match[str]], str]:
+    """Return the check that a list of the document is empty."""
+
+    def check(content: Document, told: re.Match[str]) -> str:
+        value: Any = content
+        for key in path:
+            value = value[key]
+        return f"{'.'.join(path)} has {len(value)}" if value else ""
+
+    return check
+
+
 def _shrunk(content: Document, told: re.Match[str]) -> str:
     before, after, share, low, high = (float(told.group(k)) for k in range(1, 6))
     if not low - 1 <= share <= high + 1:
@@ -143,6 +155,10 @@ CLAIMS: tuple[tuple[str, Callable[[Document, re.Match[str]], str]], ...] = (
     (r"^Unexplained: ([\d.]+) mm remain", _equals("residual", "rms_mm")),
     (r"[Mm]easuring faults left out \((\d+)\)", _equals("outliers")),
     (r"^(\d+) rows were left out as measuring faults", _equals("outliers")),
+    (r"^(\d+) of \d+ rows are used", _equals("certificate", "rows", "used")),
+    (r"^\d+ of (\d+) rows are used", _equals("rows", "total")),
+    (r"^Each of (\d+) rows", _equals("certificate", "rows", "used")),
+    (r"No pose was read often enough", _equals_none("certificate", "iso9283", "poses")),
     (r"(?:Part|Most) of the ([\d.]+) mm gap", _equals("gap", "rms_mm")),
     (r"^Most of the", _mostly),
     (

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from postproc.measurement import Remark
 from postproc.report.parts import Page, Series, escape, line_chart, table
 
 _STATED = {
@@ -28,7 +29,7 @@ def add_certificate(page: Page, content: dict[str, Any]) -> None:
     told = content["certificate"]
     page.section("Certificate: subject and instrument", _subject(told), "half")
     page.section("Certificate: conditions", _conditions(told), "half")
-    page.section("Certificate: rows", _rows(told), "half")
+    page.section("Certificate: rows", _rows(content), "half")
     page.section("Certificate: uncertainty and validity", _uncertainty(content), "half")
     page.section("Certificate: held-out rows, before and after", _held(told["held_out"]), "half")
     page.section("Certificate: ISO 9283", _iso(told["iso9283"]), "half")
@@ -48,9 +49,11 @@ def _conditions(told: dict[str, Any]) -> str:
     return table(("logged", "from", "to"), rows)
 
 
-def _rows(told: dict[str, Any]) -> str:
-    rows = told["rows"]
+def _rows(content: dict[str, Any]) -> str:
+    rows = content["certificate"]["rows"]
     text = f"<p>{rows['used']} of {rows['total']} rows are used.</p>"
+    said = [Remark(**item).line() for item in content["remarks"]]
+    text += "".join(f"<p>{escape(line)}</p>" for line in said)
     gone = rows["not_used"]
     if not gone:
         return text
