@@ -1,8 +1,16 @@
-"""Every factor between the units of files and SI; no other module holds 1000, 25.4 or pi/180."""
+"""Every factor between the units of files and SI, and the names of units.
+
+No other module holds 1000, 25.4 or pi/180, or reads the name of a unit.
+"""
 
 from __future__ import annotations
 
 import math
+import re
+from enum import StrEnum
+from functools import cache
+from typing import NamedTuple
+from unicodedata import combining, normalize
 
 MM = 1e-3
 """One millimetre in metres."""
@@ -30,3 +38,94 @@ N_PER_MM = 1e3
 """One N/mm of Cartesian stiffness in N/m."""
 STANDARD_GRAVITY = 9.80665
 """Standard acceleration of free fall [m/s^2]."""
+
+
+class Dimension(StrEnum):
+    """What a unit measures, in the words of a message."""
+
+    LENGTH = "length"
+    ANGLE = "angle"
+    TIME = "time"
+    SHARE = "share"
+    SPEED = "speed"
+    TURNS = "turns per time"
+    ADVANCE = "length per turn"
+
+
+class Unit(NamedTuple):
+    """What a name of a unit means: its dimension, its factor to SI, and whether it is imperial."""
+
+    dimension: Dimension
+    factor: float
+    imperial: bool = False
+
+
+_FOOT = 12.0 * INCH
+_NAMES: dict[Dimension, dict[float, str]] = {
+    Dimension.LENGTH: {
+        MM: "mm millimeter millimeters millimetre millimetres",
+        1.0: "m meter meters metre metres",
+        10.0 * MM: "cm centimeter centimetre",
+        UM: "um \u03bcm micron microns micrometer micrometre",
+        INCH: 'in inch inches zoll pouce pouces "',
+        _FOOT: "ft foot feet",
+    },
+    Dimension.ANGLE: {
+        DEG: "deg degree degrees \u00b0 grad degre degres",  # grad: German for degree
+        1.0: "rad radian radians",
+    },
+    Dimension.TIME: {
+        1.0: "s sec second seconds sek sekunde sekunden seconde secondes",
+        MS: "ms msec millisecond milliseconds",
+        60.0: "min minute minutes minuten",
+        3600.0: "h hr hour",
+    },
+    Dimension.SHARE: {PERCENT: "% percent prozent"},
+}
+"""Names of units by what they measure and their factor, in lower case."""
+SINGLE = {
+    name: Unit(dimension, factor, dimension is Dimension.LENGTH and factor in (INCH, _FOOT))
+    for dimension, units in _NAMES.items()
+    for factor, names in units.items()
+    for name in names.split()
+}
+_TURN_NAMES = "1 rev revs revolution r u umdr umdrehungen tr trs t tour tours turn turns"
+_TURN = frozenset(_TURN_NAMES.split())
+_SHORT = {
+    "rpm": "1/min", "upm": "1/min", "rps": "1/s", "hz": "1/s", "mmpm": "mm/min",
+    "mmpmin": "mm/min", "mpm": "m/min", "mps": "m/s", "ipm": "in/min", "ips": "in/s",
+    "fpm": "ft/min", "mmpr": "mm/rev", "ipr": "in/rev",
+}  # fmt: skip
+"""Units that are written in one word; UPM is German for turns per minute."""
+_INVERSE = re.compile(r"([a-z]+)\s*\^?\s*\(?[-\u2212]\s*1\)?$")
+_BETWEEN = re.compile(r"[\s_/\u00b7*.]+")
+_PER = frozenset({"per", "pro", "par"})
+
+
+@cache
+def unit_named(text: str) -> Unit | None:
+    """Return what the name of a unit means, None if it is none.
+
+    A unit is one of length, angle or time, or two of them with a sign or a word between:
+    ``mm/min``, ``mm_per_min``, ``mm min^-1``, ``1/min``, ``mm/rev``.
+
+    >>> unit_named("mm/s"), unit_named("m min-1") == unit_named("m/min"), unit_named("kN")
+    (Unit(dimension=<Dimension.SPEED: 'speed'>, factor=0.001, imperial=False), True, None)
+    """
+    plain = normalize("NFD", normalize("NFKC", text).lower().strip())
+    plain = "".join(c for c in plain if not combining(c))
+    plain = _INVERSE.sub(r"/\1", plain)
+    plain = f"1{plain}" if plain.startswith("/") else plain
+    parts = [part for part in _BETWEEN.split(_SHORT.get(plain, plain)) if part not in ("", *_PER)]
+    if len(parts) == 1:
+        return SINGLE.get(parts[0])
+    if len(parts) != 2:
+        return None
+    (first, second), over = (SINGLE.get(part) for part in parts), parts[1]
+    if second is not None and second.dimension is Dimension.TIME:
+        if first is not None and first.dimension is Dimension.LENGTH:
+            return Unit(Dimension.SPEED, first.factor / second.factor, first.imperial)
+        return Unit(Dimension.TURNS, 1.0 / second.factor) if parts[0] in _TURN else None
+    if first is not None and first.dimension is Dimension.LENGTH and over in _TURN - {"1"}:
+        return Unit(Dimension.ADVANCE, first.factor, first.imperial)
+    return None

@@ -289,6 +289,7 @@ class ToolPath:
         words: all major words of the file with their count, where the format has words.
         word_uses: words that are not carried out as they stand, refused ones among them.
         setups: coordinate systems that the file names, in the order of their lines.
+        assumed: what the file leaves open and the reader took for it, in words.
         start: (3,) where FROM puts the tool before the first motion [m], None where nothing says.
         warnings: findings; ``recovered``: faults that ``--recover`` fixed.
     """
@@ -323,6 +324,7 @@ class ToolPath:
     words: Mapping[str, int] = field(default_factory=dict)
     word_uses: tuple[WordUse, ...] = ()
     setups: tuple[CamSetup, ...] = ()
+    assumed: tuple[str, ...] = ()
     start: FloatArray | None = None
     warnings: tuple[Finding, ...] = ()
     recovered: tuple[Finding, ...] = ()

@@ -19,9 +19,9 @@ from postproc.model import ToolPath
 from postproc.readers.text import check_text
 from postproc.records import dataclass
 from postproc.registry import Registry
-from postproc.units import INCH, MM
+from postproc.units import SINGLE
 
-LENGTH_UNITS = {"mm": MM, "inch": INCH, "m": 1.0}
+LENGTH_UNITS = {name: SINGLE[name].factor for name in ("mm", "inch", "m")}
 """Metres per unit of length, by the names that ``--units`` takes."""
 ARC_SENSES = {"ccw": 1, "cw": -1}
 """About the written vector, by the names that ``--arc-sense`` takes."""
@@ -57,8 +57,8 @@ class ReadOptions:
             full orientation of the input into a tool axis: ``axes = -(R_part_tcp @ tool_axis)``.
         surface_normals: points of the part to outward normals of the workpiece's mesh; stands in
             where a CSV file gives no orientation.
-        points_only: a list without orientations is read all the same, with axes NaN and a warning
-            (to look at it; no robot can run it).
+        points_only: only to look at: a list without orientations is read all the same, with axes
+            NaN and a warning, and what is not understood is listed.
         chord_tolerance: how far [m] the chords of a discretised spline may leave the curve.
         cycle_words: meaning of the positional numbers of a drill cycle, in order, out of
             ``CYCLE_WORDS``; ``-`` leaves a number out. A text has commas or blanks between; None:
@@ -68,8 +68,8 @@ class ReadOptions:
         arc_sense: ``ccw`` or ``cw`` about the written vector, for arcs whose record and end leave
             both ways open; None: as the rest of the file shows.
         task: DELMIA task to read; None: every task that no other one calls, in file order.
-        accept_words: words that the user knows to be harmless; a text has commas between. What the
-            reader refuses of them becomes a note.
+        accept_words: words, and columns of a table, that the user knows to be harmless; a text has
+            commas between. What the reader refuses of them becomes a note.
     """
 
     units: str | None = None

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from postproc.errors import ReadError
 from postproc.model.toolpath import EventKind, MotionKind
 from postproc.readers import ReadOptions, read
-from postproc.readers.csv.columns import MEANINGS, NAMES, column_of
+from postproc.readers.csv.columns import column_of
 
 POINTS = np.array([(0, 0, 10), (25.4, 0, 10), (50, 5.5, 9.5)]) * 1e-3
 AXES = np.array([(0, 0, 1), (0.6, 0, 0.8), (0, -0.6, 0.8)])
@@ -242,7 +242,3 @@ def test_uncertainties_of_trackers_are_no_axes(header, normal, read_text):
 def test_unit_vectors_called_ux_are_axes(read_text):
     toolpath = read_text("X,Y,Z,Ux,Uy,Uz\n1,2,3,0,0.6,0.8\n", name="p.csv")
     np.testing.assert_allclose(toolpath.axes, [[0, 0.6, 0.8]])
-
-
-def test_the_reference_says_what_every_column_means():
-    assert NAMES.keys() == MEANINGS.keys()

@@ -16,7 +16,7 @@ from postproc.cell.schema import CellFile
 from postproc.cli.app import COMMANDS
 from postproc.codes import Entry, groups
 from postproc.measurement.columns import CONDITIONS, QUANTITIES, Empty
-from postproc.readers.csv.columns import MEANINGS, NAMES
+from postproc.readers.csv.roles import HARMLESS, ROLES
 
 SCHEMAS = Path(__file__).resolve().parents[2] / "docs" / "schemas"
 
@@ -98,13 +98,20 @@ def _csv() -> Iterator[str]:
     yield (
         "Separator `,` `;` tab or blank, decimal point or comma, header or none (then 3 columns "
         "are x, y, z and 6 are x, y, z, i, j, k, a further one the speed in mm/s). Names count "
-        "without case, blanks and unit; a unit may stand in brackets or behind an underscore "
-        "(`X [mm]`, `depth_in`). `--columns` names the columns where the header does not.\n"
+        "without case, blanks, accents and unit; a unit may stand in brackets or behind the name "
+        "(`X [mm]`, `depth_in`, `feed mm/s`, `rx (rad)`, `Drehzahl [1/min]`). Without one, lengths "
+        "are mm, angles degrees, feeds mm/min, speeds of the spindle 1/min and times s. "
+        "A column that is not understood stops the job by its name: `--columns` says what it is, "
+        "`--accept-words` that it is harmless.\n"
     )
     yield "| column | meaning | also read as |\n|---|---|---|"
-    for name, names in NAMES.items():
-        others = ", ".join(f"`{other}`" for other in names if other not in (name, ""))
-        yield f"| `{name}` | {_cell_text(MEANINGS[name])} | {_cell_text(others)} |"
+    for role in ROLES:
+        others = ", ".join(f"`{other}`" for other in role.names.split() if other != role.name)
+        needed = ", ".join(f"`{other}`" for other in role.unit_needed.split())
+        others += f"; only beside a unit {needed}" if needed else ""
+        yield f"| `{role.name}` | {_cell_text(role.meaning)} | {_cell_text(others)} |"
+    harmless = ", ".join(f"`{name}`" for name in sorted(HARMLESS))
+    yield f"\nColumns that are left out, for they change nothing of the motion: {harmless}.\n"
     yield "\n## Measurements\n"
     yield (
         "What `diagnose`, `identify` and `predict` read: separator `,` `;` or tab, decimals with a "

@@ -1,87 +1,39 @@
-"""Which column of a point list means what: names as people and CAD systems write them."""
+"""Which column of a point list means what: the roles of ``roles`` and the unit of each column.
+
+What can change the motion and is not understood is asked back by its name, never left out.
+"""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from dataclasses import replace
+from unicodedata import combining, normalize
 
+from postproc.model import WordClass, WordUse
+from postproc.readers.base import ReadOptions
+from postproc.readers.csv.roles import BY_NAME, HARMLESS, ROLES, Role, roles_spelled
 from postproc.readers.csv.table import Layout, is_number
 from postproc.readers.text import Faults, parse_number
 from postproc.records import dataclass
-from postproc.units import DEG, INCH, INCH_PER_MIN, MM, MM_PER_MIN
+from postproc.units import MM, Dimension, Unit, unit_named
 
 _BRACKETS = re.compile(r"[\[({<](.*?)[\])}>]")
-_NOISE = re.compile(
-    r"\b(coord(inate)?s?|koordinate|pos(ition)?|loc(ation)?|point|value|wert|tcp|tool|hole|centre|center)\b"
+_NO_UNIT = frozenset({"", "-", "1"})
+"""What brackets hold beside a number without a unit."""
+_HUMP = re.compile(r"(?<=[a-z])(?=[A-Z])")
+_BORDER = re.compile(r"^|[\s_\-,;:]+|(?<=\w)\.(?=\s|$)")
+_WORD = re.compile(r"[^\W_]+")
+_NOISE_WORDS = (
+    "coord coords coordinate coordinates koordinate koordinaten coordonnee pos position loc "
+    "location point punkt value wert valeur tcp tool hole bohrung trou centre center in of de du "
+    "la le"
 )
-_UNIT_SUFFIX = re.compile(r"_(mm|m|in|inch|deg|rad|mm_min|mm_per_min|m_s|s|mmpm|ipm)$")
-
-_LENGTHS = {"mm": MM, "millimeter": MM, "millimetre": MM, "m": 1.0, "in": INCH, "inch": INCH,
-            "inches": INCH, '"': INCH, "cm": 10.0 * MM, "um": 1e-3 * MM, "\u00b5m": 1e-3 * MM,
-            "\u03bcm": 1e-3 * MM}  # fmt: skip
-_ANGLES = {"deg": DEG, "degree": DEG, "degrees": DEG, "\u00b0": DEG, "rad": 1.0, "radian": 1.0,
-           "grad": DEG}  # fmt: skip
-_FEEDS = {"mm/min": MM_PER_MIN, "mm_min": MM_PER_MIN, "mm_per_min": MM_PER_MIN, "mmpm": MM_PER_MIN,
-          "mm/s": MM, "m/s": 1.0, "m_s": 1.0, "m/min": 1.0 / 60.0, "in/min": INCH_PER_MIN,
-          "ipm": INCH_PER_MIN}  # fmt: skip
-
-NAMES: dict[str, tuple[str, ...]] = {
-    "x": ("x", "mx", "px", "xpos", "posx", "x1"),
-    "y": ("y", "my", "py", "ypos", "posy", "y1"),
-    "z": ("z", "mz", "pz", "zpos", "posz", "z1"),
-    "i": ("i", "nx", "vx", "ni", "normalx", "normali", "xn", "axisi", "axisx", "ux", "dirx",
-          "vectorx", "vecx", "directionx"),
-    "j": ("j", "ny", "vy", "nj", "normaly", "normalj", "yn", "axisj", "axisy", "uy", "diry",
-          "vectory", "vecy", "directiony"),
-    "k": ("k", "nz", "vz", "nk", "normalz", "normalk", "zn", "axisk", "axisz", "uz", "dirz",
-          "vectorz", "vecz", "directionz"),
-    "a": ("a", "kukaa"),
-    "b": ("b", "kukab"),
-    "c": ("c", "kukac"),
-    "roll": ("roll", "rx", "w", "rotx"),
-    "pitch": ("pitch", "ry", "p", "roty"),
-    "yaw": ("yaw", "rz", "r", "rotz"),
-    "qw": ("qw", "q0", "quatw"),
-    "qx": ("qx", "q1", "quatx"),
-    "qy": ("qy", "q2", "quaty"),
-    "qz": ("qz", "q3", "quatz"),
-    "id": ("id", "name", "tag", "label", "no", "nr", "index", "elementname", "element", "pointname",
-           "pointid", "holeid", "holename", "pointno", "", "feature", "featurename", "bezeichnung",
-           "fastener", "fastenerid", "fastenername", "fastenerno", "rivet", "bolt", "target"),
-    "depth": ("depth", "tiefe", "drilldepth", "bore depth"),
-    "diameter": ("diameter", "dia", "d", "durchmesser", "holediameter", "\u00f8"),
-    "feed": ("feed", "feedrate", "f", "vorschub", "speed", "linearspeed"),
-    "operation": ("operation", "op", "process", "step", "bearbeitung"),
-    "tool": ("tool", "toolnumber", "toolno", "t", "werkzeug"),
-    "base": ("base", "setup", "workoffset", "werkstueck", "basis"),
-    "clearance": ("clearance", "approach", "safety", "rapto"),
-    "retract": ("retract", "retraction", "rtrcto"),
-    "dwell": ("dwell", "dwelltime"),
-    "peck": ("peck", "pecking", "peckdepth"),
-    "motion": ("motion", "move", "movetype", "motiontype"),
-}  # fmt: skip
-"""Spellings of each role, without case, blanks and unit."""
-MEANINGS = {
-    "x": "point: tip of the tool, top of a hole", "y": "the same", "z": "the same",
-    "i": "tool axis, from the tip into the holder", "j": "the same", "k": "the same",
-    "a": "KUKA A of the tool frame, in place of i, j, k", "b": "KUKA B", "c": "KUKA C",
-    "roll": "rotation about x, in place of i, j, k: R = Rz(yaw) Ry(pitch) Rx(roll)",
-    "pitch": "rotation about y", "yaw": "rotation about z",
-    "qw": "quaternion of the tool frame, in place of i, j, k", "qx": "x of it", "qy": "y of it",
-    "qz": "z of it",
-    "id": "name of the point, used in messages and pins",
-    "depth": "the point is a hole of this depth below it, along the tool axis",
-    "diameter": "of the hole; shown, not used for the motion",
-    "feed": "cutting feed, mm/min",
-    "operation": "name of the operation that the row belongs to",
-    "tool": "number or name of the tool, as a tool of the cell claims it",
-    "base": "number or name of the setup, as a base of the cell claims it",
-    "clearance": "height above the hole from which it is fed",
-    "retract": "height above the hole to which the tool is withdrawn",
-    "dwell": "time at the bottom, s",
-    "peck": "depth of one peck",
-    "motion": "rapid or linear",
-}  # fmt: skip
-_ROLE = {name: role for role, names in NAMES.items() for name in names}
+_NOISE = frozenset(_NOISE_WORDS.split())
+"""Words beside a role that do not change it."""
+_UNKNOWN = "no column of this name or unit is known"
+_OF_UNIT = {Dimension.TURNS: "spindle", Dimension.SPEED: "feed"}
+"""Roles whose name may be no more than their unit: rpm, mm/min."""
 _UNCERTAIN = re.compile(
     r"\b(u[xyz]? ?\(? ?95|u ?mag|unc(ertainty)?|sigma|std|rms|\u00b1)|\b9\d(\.\d+)? ?%",
     re.IGNORECASE,
@@ -89,79 +41,108 @@ _UNCERTAIN = re.compile(
 """How trackers name columns that say how sure a coordinate is."""
 _MAYBE_UNCERTAIN = ("ux", "uy", "uz")
 """Names of a unit vector for some, of uncertainties for trackers: the numbers tell."""
-_POINT_WORDS = frozenset({"point", "points", "hole", "tag", "punkt", "bohrung"})
 _UNIT_LENGTH = 0.05
-LENGTH_ROLES = frozenset({"x", "y", "z", "depth", "diameter", "clearance", "retract", "peck"})
-_ANGLE_ROLES = frozenset({"a", "b", "c", "roll", "pitch", "yaw"})
-TEXT_ROLES = frozenset({"id", "operation", "motion", "tool", "base"})
 POSITION = ("x", "y", "z")
 NORMAL = ("i", "j", "k")
+ORIENTATIONS = (("a", "b", "c"), ("roll", "pitch", "yaw"), ("qw", "qx", "qy", "qz"))
 _HEADERLESS = {3: POSITION, 6: (*POSITION, *NORMAL)}
 _WITH_SPEED = {4: (*POSITION, "speed"), 7: (*POSITION, *NORMAL, "speed")}
 """Without a header: the last column may be left empty, so it is no coordinate; as RoboDK has it."""
-ORIENTATIONS = (("a", "b", "c"), ("roll", "pitch", "yaw"), ("qw", "qx", "qy", "qz"))
 
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column: its ``role`` (empty if unknown), its name in the file, and the factor to SI.
+    """A column: its ``role`` (empty: left out), its name in the file, and the unit in its name.
 
-    ``factor`` is None where the name gives no unit.
+    ``question``: why it is not understood, empty where it is.
     """
 
     role: str
     name: str
-    factor: float | None = None
+    unit: Unit | None = None
+    question: str = ""
 
 
 def column_of(name: str) -> Column:
     """Return what a header name means.
 
-    >>> column_of("MX Coord.").role, column_of("X [mm]").factor, column_of("normal_x").role
+    >>> column_of("MX Coord.").role, column_of("X [mm]").unit.factor, column_of("normal_x").role
     ('x', 0.001, 'i')
+    >>> column_of("Drehzahl [1/min]").role, column_of("feed_mm_s").role, column_of("rx").question
+    ('spindle', 'feed', 'its unit is not said')
     """
-    bare = name.strip().strip('"').strip()
-    if _UNCERTAIN.search(bare.replace("_", " ")):
-        return Column("", name.strip())
-    unit = ""
-    match = _BRACKETS.search(bare)
+    name = name.strip()
+    text = name.strip('"').strip()
+    if _UNCERTAIN.search(text.replace("_", " ")):
+        return Column("", name)
+    found = [_meant(words, unit) for words, unit in _readings(text)]
+    known = [column for column in found if column is not None]
+    clear = [column for column in known if not column.question]
+    return replace((clear or known or [Column("", "", question=_UNKNOWN)])[0], name=name)
+
+
+def _readings(text: str) -> Iterator[tuple[tuple[str, ...], Unit | None]]:
+    """Yield the words of a name and the unit behind them, the longest unit first."""
+    match = _BRACKETS.search(text)
     if match:
-        unit, bare = match.group(1).strip().lower(), _BRACKETS.sub(" ", bare).strip()
-    lowered = bare.lower().replace(" ", "_")
-    suffix = _UNIT_SUFFIX.search(lowered)
-    if suffix and not unit:
-        unit, lowered = suffix.group(1), lowered[: suffix.start()]
-    role = _role(lowered)
-    if role == "feed" and "speed" in lowered and not unit:
-        unit = "mm/s"
-    return Column(role, name.strip(), _factor(role, unit))
+        inside, outside = match.group(1).strip(), text[: match.start()] + " " + text[match.end() :]
+        unit = unit_named(inside)
+        if unit is not None or inside in _NO_UNIT:
+            yield _words(outside), unit
+            return
+        text = _BRACKETS.sub(r" \1 ", text)
+    text = _HUMP.sub(" ", text)
+    for border in _BORDER.finditer(text):
+        unit = unit_named(text[border.end() :])
+        if unit is not None:
+            yield _words(text[: border.start()]), unit
+    yield _words(text), None
 
 
-def _role(lowered: str) -> str:
-    words = re.sub(r"[^\w\u00f8]+", " ", lowered.replace("_", " ")).strip()
-    for candidate in (words, _NOISE.sub(" ", words)):
-        role = _ROLE.get(candidate.replace(" ", ""))
-        if role is not None and (role != "id" or candidate.strip()):
-            return role
-    return "id" if words in _POINT_WORDS else ""
+def _words(text: str) -> tuple[str, ...]:
+    plain = normalize("NFKD", text).lower()
+    return tuple(_WORD.findall("".join(c for c in plain if not combining(c))))
 
 
-def _factor(role: str, unit: str) -> float | None:
-    if role in LENGTH_ROLES:
-        return _LENGTHS.get(unit)
-    if role in _ANGLE_ROLES:
-        return _ANGLES.get(unit)
-    if role == "feed":
-        return _FEEDS.get(unit)
-    return None
+def _meant(words: tuple[str, ...], unit: Unit | None) -> Column | None:
+    """Return what a name with a unit means, None where the words mean nothing."""
+    bare = tuple(word for word in words if word not in _NOISE)
+    known = _spelled(words) or _spelled(bare)
+    if not words and unit is not None and unit.dimension in _OF_UNIT:
+        known = [(BY_NAME[_OF_UNIT[unit.dimension]], False)]
+    if not known:
+        return Column("", "") if HARMLESS & {"".join(words), "".join(bare)} else None
+    first = known[0][0].name
+    if unit is not None:
+        fit = [role.name for role, _ in known if unit.dimension in role.dimensions]
+        if fit:
+            return Column(fit[0], "", unit)
+        return Column(first, "", question=f"no unit of this {first} is known")
+    clear = [role.name for role, needs_unit in known if not needs_unit]
+    if clear or first == "spindle":
+        return Column(clear[0] if clear else first, "")
+    return Column(first if len(known) == 1 else "", "", question="its unit is not said")
 
 
-def columns_of(layout: Layout, asked: tuple[str, ...] | str | None, faults: Faults) -> list[Column]:
-    """Return what each column means: as asked for, by the header, or by their number."""
-    if asked is not None:
-        columns = _asked_columns(asked, layout, faults)
+def _spelled(words: tuple[str, ...]) -> list[tuple[Role, bool]]:
+    """Return the roles that words name together, or that both parts of them name: Drehzahl n."""
+    whole = roles_spelled("".join(words))
+    for cut in range(1, len(words) if not whole else 0):
+        parts = [dict(roles_spelled("".join(part))) for part in (words[:cut], words[cut:])]
+        both = [(r, n and parts[1][r]) for r, n in parts[0].items() if r in parts[1]]
+        whole = whole or both
+    return whole
+
+
+def columns_of(layout: Layout, options: ReadOptions, faults: Faults) -> list[Column]:
+    """Return what each column means: as asked for, by the header, or by their number.
+
+    Columns that are not understood have a ``question``.
+    """
+    if options.columns is not None:
+        columns = _asked_columns(options.columns, layout, faults)
     elif layout.header is not None:
-        columns = _without_uncertainties([column_of(name) for name in layout.header], layout)
+        columns = _without_uncertainties(_of_header(layout), layout)
     else:
         columns = _counted_columns(layout, faults)
     columns = _first_of_each(columns, faults, layout)
@@ -174,23 +155,90 @@ def columns_of(layout: Layout, asked: tuple[str, ...] | str | None, faults: Faul
             layout.header_line or 1,
             hint="name the columns in order with --columns, such as id,x,y,z,i,j,k",
         )
-    for column in columns:
-        if column.role == "feed" and column.factor == MM and "mm/s" not in column.name:
-            text = f"column {column.name}: speeds without a unit, read as mm/s as RoboDK has them"
-            faults.warn("CSV122", text, layout.header_line or layout.first_row_line)
-    unused = [column.name for column in columns if not column.role and column.name not in ("", "-")]
-    if unused and asked is None:
-        faults.warn(
-            "CSV120",
-            f"columns without a meaning here: {', '.join(unused)}",
-            layout.header_line or 1,
-        )
+    bare = _bare_beside_units(columns) if options.units is None else ""
+    return [_in_company(column, columns, bare) for column in columns]
+
+
+def _of_header(layout: Layout) -> list[Column]:
+    """Return the columns of a header; one without a name is an index in front, else it is empty."""
+    columns = [column_of(name) for name in layout.header or ()]
+    for i, column in enumerate(columns):
+        if not column.name.strip(' "'):
+            is_empty = i == 0 or not (layout.first_row[i : i + 1] or ("",))[0]
+            question = "" if is_empty else "a column of values without a name"
+            columns[i] = Column("", f"column {i + 1}", question=question)
     return columns
+
+
+def _bare_beside_units(columns: list[Column]) -> str:
+    """Return the column whose unit makes those without one doubtful, empty if there is none.
+
+    Lengths and feeds without a unit are in mm, unless others are stated in another unit.
+    """
+    for column in columns:
+        unit = column.unit
+        if unit is None or column.role == "diameter":
+            continue
+        if unit.imperial or (unit.dimension is Dimension.LENGTH and unit.factor != MM):
+            return column.name
+    return ""
+
+
+def _in_company(column: Column, columns: list[Column], stated: str) -> Column:
+    """Return a column with the question that the others raise."""
+    role, present = column.role, {other.role for other in columns}
+    if column.question or not role:
+        return column
+    question = ""
+    metric = {Dimension.LENGTH, Dimension.SPEED} & set(BY_NAME[role].dimensions)
+    if stated and metric and column.unit is None and role != "diameter":
+        question = f"no unit, beside {stated}"
+    forms = [form for form in (NORMAL, *ORIENTATIONS) if role in form]
+    whole = [form for form in (NORMAL, *ORIENTATIONS) if present.issuperset(form)]
+    if forms and whole and not present.issuperset(forms[0]):
+        question = f"one of {', '.join(forms[0])}, which are not all there"
+    rad = [o for o in columns if forms and o.role in forms[0] and o.unit and o.unit.factor == 1.0]
+    if rad and column.unit is None and role not in NORMAL:
+        question = f"no unit, beside {rad[0].name}"
+    if "spindle" not in present:
+        if role == "sense":
+            question = "a sense of rotation without a speed"
+        if column.unit and column.unit.dimension is Dimension.ADVANCE:
+            question = "a feed per turn without a spindle speed"
+    return replace(column, question=question)
+
+
+def understood(
+    columns: list[Column], options: ReadOptions, faults: Faults, line: int
+) -> tuple[list[Column], tuple[WordUse, ...]]:
+    """Return the columns without those that are not understood, and what to say of these.
+
+    Raises:
+        ReadError: CSV016 for a column that is not understood and was not accepted, unless the file
+            is only looked at.
+    """
+    uses = tuple(
+        WordUse(column.name, WordClass.UNKNOWN, (line,), column.question, True)
+        for column in columns
+        if column.question
+    )
+    known = {word.strip().upper() for word in options.accepted_words}
+    refused = [use for use in uses if not use.is_named_by(known)]
+    if refused and not options.points_only:
+        raise faults.error(
+            "CSV016",
+            "not understood: " + "; ".join(f"column {u.word} ({u.reason})" for u in refused),
+            line,
+            hint="name it with its unit in the header or with --columns (rx_deg, feed_mm_s, "
+            "rpm; - leaves one out); where you know it to be harmless: "
+            f'--accept-words "{",".join(use.word for use in refused)}"',
+        )
+    return [replace(c, role="", question="") if c.question else c for c in columns], uses
 
 
 def _without_uncertainties(columns: list[Column], layout: Layout) -> list[Column]:
     """Return the columns; Ux, Uy, Uz are axes only where they have length one."""
-    at = [i for i, c in enumerate(columns) if c.name.lower().strip(' "') in _MAYBE_UNCERTAIN]
+    at = [i for i, c in enumerate(columns) if "".join(_words(c.name)) in _MAYBE_UNCERTAIN]
     row = layout.first_row
     if not at or max(at) >= len(row):
         return columns
@@ -205,14 +253,12 @@ def _without_uncertainties(columns: list[Column], layout: Layout) -> list[Column
 def _asked_columns(names: tuple[str, ...] | str, layout: Layout, faults: Faults) -> list[Column]:
     listed = [name.strip() for name in names.split(",")] if isinstance(names, str) else list(names)
     columns = [Column("", "-") if name == "-" else column_of(name) for name in listed]
-    unknown = [column.name for column in columns if not column.role and column.name != "-"]
+    unknown = [c.name for c in columns if c.question == _UNKNOWN]
     if unknown:
         raise faults.error(
             "CSV011",
-            f"--columns: {unknown[0]!r} is no column, known are x y z i j k a b c roll pitch yaw "
-            "qw qx qy qz id depth diameter feed operation tool base clearance retract dwell peck "
-            "motion "
-            "and - for one to leave out",
+            f"--columns: {unknown[0]!r} is no column, known are "
+            f"{' '.join(role.name for role in ROLES)} and - for one to leave out",
             1,
         )
     if len(columns) != layout.width:
@@ -239,7 +285,11 @@ def _counted_columns(layout: Layout, faults: Faults) -> list[Column]:
             hint="name the columns in order with --columns, such as x,y,z,w,p,r,id",
         )
     listed = (("id",) if named else ()) + tuple(roles)
-    return [column_of(role) if role == "speed" else Column(role, role) for role in listed]
+    if "speed" in listed:
+        text = "column speed: speeds without a unit, read as mm/s as RoboDK has them"
+        faults.warn("CSV122", text, layout.first_row_line)
+    robodk = Column("feed", "speed", unit_named("mm/s"))
+    return [robodk if role == "speed" else Column(role, role) for role in listed]
 
 
 def _first_of_each(columns: list[Column], faults: Faults, layout: Layout) -> list[Column]:

@@ -7,7 +7,6 @@ import numpy as np
 from postproc.arrays import FloatArray, IntArray
 from postproc.geometry import rotation_from_abc
 from postproc.readers.text import Faults
-from postproc.units import DEG
 
 NORM_GAP = 1e-3
 """How far the length of a normal or quaternion may be from one."""
@@ -67,14 +66,10 @@ def rotation_from_wxyz(q_wxyz: FloatArray) -> FloatArray:
 def rotations_from(
     roles: tuple[str, ...],
     values: FloatArray,
-    factors: list[float | None],
     line: IntArray,
     faults: Faults,
 ) -> FloatArray:
-    """Return R_part_tcp (n, 3, 3) from A,B,C; roll,pitch,yaw; or a quaternion, as written."""
+    """Return R_part_tcp (n, 3, 3) from A,B,C or roll,pitch,yaw [rad], or a quaternion."""
     if roles[0] == "qw":
         return rotation_from_wxyz(unit_rows(values, "quaternion", line, faults))
-    scale = np.array([DEG if factor is None else factor for factor in factors])
-    if roles[0] == "a":
-        return rotation_from_abc(values * scale)
-    return rotation_from_rpy(values * scale)
+    return rotation_from_abc(values) if roles[0] == "a" else rotation_from_rpy(values)

@@ -19,26 +19,28 @@ from pathlib import Path
 import numpy as np
 
 from postproc.arrays import FloatArray, IndexArray, IntArray
-from postproc.model import MotionKind, ToolPath
+from postproc.model import MotionKind, ToolPath, WordUse
 from postproc.readers.base import HEAD_BYTES, LENGTH_UNITS, READERS, ReadOptions
 from postproc.readers.csv.calls import operation_runs, setup_calls, tool_calls
 from postproc.readers.csv.columns import (
-    LENGTH_ROLES,
     NORMAL,
     ORIENTATIONS,
     POSITION,
-    TEXT_ROLES,
     Column,
     column_of,
     columns_of,
+    understood,
 )
 from postproc.readers.csv.holes import HoleColumns, motion_kinds
 from postproc.readers.csv.orientation import rotations_from, unit_rows
 from postproc.readers.csv.repeats import merged_repeats
+from postproc.readers.csv.roles import BY_NAME
+from postproc.readers.csv.spindle import doubted, spindle_events, turns_of
 from postproc.readers.csv.table import (
     Layout,
     Rows,
     decoded,
+    is_comment,
     is_number,
     layout_of,
     parse_rows,
@@ -46,26 +48,40 @@ from postproc.readers.csv.table import (
 )
 from postproc.readers.text import Faults, text_blocks
 from postproc.records import dataclass
-from postproc.units import INCH_PER_MIN, MM, MM_PER_MIN
+from postproc.units import INCH_PER_MIN, MM, Dimension
 
 FAR_AWAY = 50.0
 """Farther from the origin than this [m] no workpiece of a robot cell lies."""
 SEPARATORS = (";", "\t", ",", " ")
-MODAL_TEXTS = frozenset({"motion", "tool", "base"})
+MODAL_TEXTS = frozenset({"motion", "tool", "base", "sense"})
 """An empty field of these repeats the row before."""
 KEYS = ("operation", "tool", "base")
 """Rows of one name that differ in these are not repeated measurements."""
+LEAST_EXTENT = 1.0 * MM
+"""Points that are all nearer to each other [m] are in another unit than mm."""
+LEAST_DEPTH = 0.1 * MM
+"""Holes none of which is deeper [m] likewise."""
+_ASSUMED = {
+    Dimension.LENGTH: "lengths in mm",
+    Dimension.ANGLE: "angles in degrees",
+    Dimension.SPEED: "feeds in mm/min",
+    Dimension.TURNS: "spindle speeds in 1/min",
+    Dimension.TIME: "times in s",
+}
 SURE = 0.45
 """Below what a reader says that knows its own words."""
 
 
 @dataclass(slots=True)
 class _Columns:
-    """All rows: line (n,), numeric columns by role (n,) as written, texts by role."""
+    """All rows: line (n,), numeric columns by role (n,) in SI, texts by role."""
 
     line: IntArray
     numbers: dict[str, FloatArray] = field(default_factory=dict)
     texts: dict[str, list[str]] = field(default_factory=dict)
+    bare: frozenset[str] = frozenset()
+    """Roles whose unit is the usual one, for none is said."""
+    feeds_per_turn: bool = False
 
 
 class CsvReader:
@@ -77,7 +93,8 @@ class CsvReader:
         """Return how much of the first rows is numbers; a header of a point list counts too."""
         lines = decoded(head).splitlines()
         whole = lines[:-1] if len(head) == HEAD_BYTES and len(lines) > 1 else lines
-        rows = [line.strip() for line in whole if line.strip() and not line.startswith("#")][:20]
+        stripped = (line.strip() for line in whole)
+        rows = [line for line in stripped if line and not is_comment(line)][:20]
         if not rows or rows[0].startswith("<"):
             return 0.0
         if len(rows) == 1 and _names_a_point(rows[0]):
@@ -93,16 +110,27 @@ class CsvReader:
         faults = Faults(path, options.recover)
         layout: Layout | None = None
         columns: list[Column] = []
+        uses: tuple[WordUse, ...] = ()
         parts: list[Rows] = []
         for block in text_blocks(path):
             if layout is None:
                 layout = layout_of(block, faults)
-                columns = columns_of(layout, options.columns, faults)
+                header = layout.header_line or layout.first_row_line
+                columns = columns_of(layout, options, faults)
+                columns, uses = understood(columns, options, faults, header)
             numeric, texts = _used(columns)
             parts.append(parse_rows(block, layout, numeric, texts, faults))
         if layout is None:
             raise faults.error("CSV002", "no row of data", 1)
-        return _toolpath(path, options, layout, columns, _joined(columns, parts, faults), faults)
+        units = _units(columns, options, faults, layout)
+        data = _joined(columns, parts, faults)
+        at = next((i for i, column in enumerate(columns) if column.role == "spindle"), None)
+        if at is not None:
+            columns[at] = doubted(columns[at], data.numbers["spindle"])
+            columns, more = understood(columns, options, faults, header)
+            uses = (*uses, *more)
+        data = _in_si(columns, data, units)
+        return _toolpath(path, options, units, uses, data, faults)
 
 
 def _names_a_point(text: str) -> bool:
@@ -120,9 +148,8 @@ def _looks_like_a_row(text: str) -> bool:
 
 
 def _used(columns: list[Column]) -> tuple[list[int], list[int]]:
-    numeric = [i for i, c in enumerate(columns) if c.role and c.role not in TEXT_ROLES]
-    texts = [i for i, c in enumerate(columns) if c.role in TEXT_ROLES]
-    return numeric, texts
+    known = [(i, BY_NAME[column.role]) for i, column in enumerate(columns) if column.role]
+    return [i for i, role in known if not role.is_text], [i for i, role in known if role.is_text]
 
 
 def _joined(columns: list[Column], parts: list[Rows], faults: Faults) -> _Columns:
@@ -171,22 +198,61 @@ def _filled(
     return filled
 
 
+def _in_si(columns: list[Column], data: _Columns, units: str) -> _Columns:
+    """Return the rows with all numbers in SI; of a feed per turn the advance of a turn [m]."""
+    roles = [column for column in columns if column.role in data.numbers]
+    numbers = {c.role: data.numbers[c.role] * _factor(c, units) for c in roles}
+    bare = frozenset(c.role for c in roles if c.unit is None and BY_NAME[c.role].dimensions)
+    per_turn = any(c.unit is not None and c.unit.dimension is Dimension.ADVANCE for c in roles)
+    return _Columns(data.line, numbers, data.texts, bare, per_turn)
+
+
+def _factor(column: Column, units: str) -> float:
+    """Return the factor to SI of a column; without a unit of its own it has those of the file."""
+    role = BY_NAME[column.role]
+    if column.unit is not None:
+        return column.unit.factor
+    if Dimension.LENGTH in role.dimensions:
+        return LENGTH_UNITS[units]
+    if Dimension.SPEED in role.dimensions and units == "inch":
+        return INCH_PER_MIN
+    return role.bare
+
+
+def _check_sizes(
+    points: FloatArray, line: IntArray, data: _Columns, options: ReadOptions, faults: Faults
+) -> None:
+    """Ask for the unit of length where the numbers refute the usual one.
+
+    Raises:
+        ReadError: CSV017, unless the file is only looked at.
+    """
+    extent = float(np.ptp(points, axis=0).max(initial=0.0)) if len(points) else 0.0
+    depth = float(np.nanmax(np.abs(data.numbers.get("depth", np.zeros(1))), initial=0.0))
+    sizes = (
+        (extent, LEAST_EXTENT, POSITION[0], "all points lie within"),
+        (depth, LEAST_DEPTH, "depth", "no hole is deeper than"),
+    )
+    for size, least, role, what in sizes:
+        if options.units is not None or role not in data.bare or not 0.0 < size < least:
+            continue
+        text = f"{what} {size / MM:.4g} mm: the file says no unit of length, and mm is hardly it"
+        if options.points_only:
+            faults.warn("CSV017", text, int(line[0]))
+            continue
+        hint = "say it in the header (x [m]) or with --units m, inch, or mm where that is meant"
+        raise faults.error("CSV017", text, int(line[0]), hint=hint)
+
+
 def _toolpath(
     path: str,
     options: ReadOptions,
-    layout: Layout,
-    columns: list[Column],
+    units: str,
+    uses: tuple[WordUse, ...],
     data: _Columns,
     faults: Faults,
 ) -> ToolPath:
-    units, scale = _units(columns, options, faults, layout)
-    factors = {c.role: c.factor for c in columns}
-    lengths = {
-        role: values * (factors[role] or scale)
-        for role, values in data.numbers.items()
-        if role in LENGTH_ROLES
-    }
-    points = np.column_stack([lengths[role] for role in POSITION])
+    points = np.column_stack([data.numbers[role] for role in POSITION])
     names, operations = data.texts.get("id"), data.texts.get("operation")
     rows: IndexArray | slice = slice(None)
     others = [data.texts[role] for role in KEYS if role in data.texts]
@@ -194,13 +260,17 @@ def _toolpath(
     if merged is not None:
         points, rows = merged
     line = data.line[rows]
+    _check_sizes(points, line, data, options, faults)
     _warn_if_far(points, line, faults)
-    axes, rotations = _orientation(data, factors, points, rows, options, faults)
-    holes = _hole_columns(data, lengths, rows)
+    axes, rotations = _orientation(data, points, rows, options, faults)
+    holes = _hole_columns(data, rows)
     kind, cycle, cycles = motion_kinds(holes, line, faults)
     operation, runs = operation_runs(_texts_of(operations, rows), line)
-    tool, tools, events = tool_calls(_texts_of(data.texts.get("tool"), rows), line, faults)
+    tool, tools, changes = tool_calls(_texts_of(data.texts.get("tool"), rows), line, faults)
     setup, setups = setup_calls(_texts_of(data.texts.get("base"), rows), line)
+    speeds = data.numbers["spindle"][rows] if "spindle" in data.numbers else None
+    turns = turns_of(speeds, _texts_of(data.texts.get("sense"), rows), line, faults)
+    events = sorted((*changes, *spindle_events(turns, line)), key=lambda event: event.index)
     kept_names = _texts_of(names, rows)
     return ToolPath(
         path=path,
@@ -211,7 +281,7 @@ def _toolpath(
         points=points,
         axes=axes,
         kind=kind,
-        feed=_feeds(data, factors, rows, units, kind, faults),
+        feed=_feeds(data, rows, turns, kind, faults),
         line=line,
         operation=operation,
         tool=tool,
@@ -220,12 +290,15 @@ def _toolpath(
         operations=runs,
         tools=tools,
         cycles=cycles,
-        events=events,
+        events=tuple(events),
         setup=setup,
         setups=setups,
         rotations=rotations,
         names=tuple(kept_names) if kept_names else None,
         extra={} if holes.diameter is None else {"diameter": holes.diameter},
+        unknown_words={use.word: 1 for use in uses},
+        word_uses=uses,
+        assumed=assumptions(data.bare, options),
         warnings=faults.warnings,
         recovered=faults.fixes,
     )
@@ -237,28 +310,33 @@ def _texts_of(texts: list[str] | None, rows: IndexArray | slice) -> list[str] | 
     return [texts[row] for row in rows.tolist()]
 
 
-def _hole_columns(
-    data: _Columns, lengths: dict[str, FloatArray], rows: IndexArray | slice
-) -> HoleColumns:
-    def of(columns: dict[str, FloatArray], role: str) -> FloatArray | None:
-        return columns[role][rows] if role in columns else None
+def assumptions(bare: frozenset[str], options: ReadOptions) -> tuple[str, ...]:
+    """Return in words which units of columns (``bare``: roles) are taken for want of others."""
+    found = {dimension for role in bare for dimension in BY_NAME[role].dimensions[:1]}
+    if options.units is not None:
+        found -= {Dimension.LENGTH, Dimension.SPEED}
+    return tuple(text for dimension, text in _ASSUMED.items() if dimension in found)
+
+
+def _hole_columns(data: _Columns, rows: IndexArray | slice) -> HoleColumns:
+    def of(role: str) -> FloatArray | None:
+        return data.numbers[role][rows] if role in data.numbers else None
 
     return HoleColumns(
-        depth=of(lengths, "depth"),
-        diameter=of(lengths, "diameter"),
-        clearance=of(lengths, "clearance"),
-        retract=of(lengths, "retract"),
-        peck=of(lengths, "peck"),
-        dwell=of(data.numbers, "dwell"),
+        depth=of("depth"),
+        diameter=of("diameter"),
+        clearance=of("clearance"),
+        retract=of("retract"),
+        peck=of("peck"),
+        dwell=of("dwell"),
         motion=_texts_of(data.texts.get("motion"), rows),
     )
 
 
-def _units(
-    columns: list[Column], options: ReadOptions, faults: Faults, layout: Layout
-) -> tuple[str, float]:
-    """Return name and factor of the unit of length for columns without one of their own."""
-    factors = {column.factor for column in columns if column.role in POSITION}
+def _units(columns: list[Column], options: ReadOptions, faults: Faults, layout: Layout) -> str:
+    """Return the name of the unit of length for columns without one of their own."""
+    units = [column.unit for column in columns if column.role in POSITION]
+    factors = {unit.factor if unit is not None else None for unit in units}
     named = {name for name, factor in LENGTH_UNITS.items() if factor in factors}
     if options.units is not None and named and named != {options.units}:
         raise faults.error(
@@ -266,8 +344,7 @@ def _units(
             f"the header says {' and '.join(sorted(named))}, but --units says {options.units}",
             layout.header_line,
         )
-    units = options.units or (min(named) if len(named) == 1 and None not in factors else "mm")
-    return units, LENGTH_UNITS[units]
+    return options.units or (min(named) if len(named) == 1 == len(factors) else "mm")
 
 
 def _warn_if_far(points: FloatArray, line: IntArray, faults: Faults) -> None:
@@ -284,7 +361,6 @@ def _warn_if_far(points: FloatArray, line: IntArray, faults: Faults) -> None:
 
 def _orientation(
     data: _Columns,
-    factors: dict[str, float | None],
     points: FloatArray,
     rows: IndexArray | slice,
     options: ReadOptions,
@@ -309,7 +385,7 @@ def _orientation(
         raise faults.error("CSV025", "no orientation in this row", int(line[empty[0]]))
     if form == NORMAL:
         return unit_rows(values, "normal", line, faults), None
-    R = rotations_from(form, values, [factors[role] for role in form], line, faults)
+    R = rotations_from(form, values, line, faults)
     axes: FloatArray = -(R @ np.asarray(options.tool_axis)) + 0.0
     return axes, R
 
@@ -342,22 +418,23 @@ def _normals_of_surface(
 
 def _feeds(
     data: _Columns,
-    factors: dict[str, float | None],
     rows: IndexArray | slice,
-    units: str,
+    turns: FloatArray | None,
     kind: IntArray,
     faults: Faults,
 ) -> FloatArray:
     """Return the feed (n,) [m/s], NaN for rapids and where none is given."""
     if "feed" not in data.numbers:
         return np.full(len(kind), np.nan)
-    factor = factors["feed"]
-    if factor is None:
-        factor = INCH_PER_MIN if units == "inch" else MM_PER_MIN
-    feed: FloatArray = data.numbers["feed"][rows] * factor
+    feed: FloatArray = data.numbers["feed"][rows] * 1.0
+    if data.feeds_per_turn:
+        feed *= np.abs(np.nan_to_num(turns)) if turns is not None else 0.0
     wrong = np.flatnonzero(feed <= 0.0)
     if len(wrong):
-        raise faults.error("CSV034", "a feed must be above zero", int(data.line[rows][wrong[0]]))
+        here = int(data.line[rows][wrong[0]])
+        raise faults.error(
+            "CSV034", "a feed, and the turns that one is per, must be above zero", here
+        )
     feed[kind == MotionKind.RAPID] = np.nan
     return feed
 

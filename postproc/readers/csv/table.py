@@ -29,6 +29,11 @@ from postproc.records import dataclass
 _SAMPLE_ROWS = 200
 _WIDEST_TEXT = 48
 _BLANK = " "
+_COMMENTS = ("#", "//", "%")
+"""How lines begin that are for people."""
+_COMMENT_BYTES = np.frombuffer(b"#/%", dtype=np.uint8)
+_SEPARATOR = re.compile(r'^"?sep=(.)"?$', re.IGNORECASE)
+"""First line by which a spreadsheet says its separator."""
 _DECIMAL_COMMA = re.compile(r"^\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*$")
 
 
@@ -72,6 +77,11 @@ def decoded(raw: bytes) -> str:
         return raw.decode("latin-1")
 
 
+def is_comment(text: str) -> bool:
+    """Return whether a line, without blanks around it, is none of the table."""
+    return text.startswith(_COMMENTS) or _SEPARATOR.match(text) is not None
+
+
 def is_number(text: str, decimal_comma: bool) -> bool:
     """Return whether a field is a number in the file's way of writing."""
     return parse_number(text.replace(",", ".") if decimal_comma else text) is not None
@@ -86,7 +96,9 @@ def layout_of(block: TextBlock, faults: Faults) -> Layout:
     rows = list(_sample(block))
     if not rows:
         raise faults.error("CSV002", "no row of data", 1)
-    separator, decimal_comma = _separator([text for _, text in rows])
+    first = block.data[: max(block.data.find(b"\n"), 0)].decode("latin-1").strip(" \r")
+    told = _SEPARATOR.match(first) if block.first_line == 1 else None
+    separator, decimal_comma = _separator([text for _, text in rows], told and told.group(1))
     fields = [split_row(text, separator) for _, text in rows]
     has_header = _is_header(fields, decimal_comma)
     header = tuple(fields[0]) if has_header else None
@@ -119,17 +131,17 @@ def _sample(block: TextBlock) -> Iterator[tuple[int, str]]:
     while found < _SAMPLE_ROWS and end < len(block.data):
         begin, end = end, block.data.find(b"\n", end) + 1
         text = decoded(block.data[begin:end]).strip()
-        if text and not text.startswith("#"):
+        if text and not is_comment(text):
             found += 1
             yield line, text
         line += 1
 
 
-def _separator(rows: list[str]) -> tuple[str, bool]:
-    """Return the separator and whether the comma is the decimal sign."""
+def _separator(rows: list[str], told: str | None) -> tuple[str, bool]:
+    """Return the separator, as the file tells it or as it looks, and whether commas are decimal."""
     body = rows[1:] or rows
-    for candidate in (";", "\t"):
-        if all(candidate in row for row in body):
+    for candidate in (told,) if told and told not in ", " else (";", "\t"):
+        if told or all(candidate in row for row in body):
             fields = [part for row in body for part in row.split(candidate)]
             commas = sum(1 for part in fields if _DECIMAL_COMMA.match(part))
             points = sum(1 for part in fields if "," not in part and _is_plain(part))
@@ -262,7 +274,7 @@ def _fields(
     quoted = b'"' in data
     wanted = layout.width if layout.separator == _BLANK else layout.width - 1
     header = starts_of_header(layout, block)
-    plain = (count == wanted) & (buffer[starts] != ord("#"))
+    plain = (count == wanted) & ~np.isin(buffer[starts], _COMMENT_BYTES)
     if header is not None:
         plain[header] = False
     if quoted:
@@ -283,7 +295,7 @@ def _fields(
         for line in rest.tolist()
         if line != header
     ]
-    odd = [(line, text) for line, text in odd if text and not text.startswith("#")]
+    odd = [(line, text) for line, text in odd if text and not is_comment(text)]
     return begins, ends, rows + block.first_line, odd
 
 
