@@ -37,6 +37,7 @@ from postproc.planning import PlanOptions, grade_counts, near_solids, settle, ta
 from postproc.planning import plan as plan_toolpath
 from postproc.process import (
     as_served,
+    assumptions,
     bases_named,
     driven,
     feed_findings,
@@ -345,6 +346,7 @@ def document(conversion: Conversion) -> dict[str, Any]:
         "program": conversion.name,
         "files": sorted(conversion.files),
         "tags": len(conversion.toolpath),
+        "assumed": list(assumptions(conversion.toolpath, conversion.cell)),
         "points": len(plan),
         "left_out": _left_out(plan),
         "failures": failures(conversion),

@@ -8,6 +8,7 @@ from postproc.arrays import FloatArray
 from postproc.cell import Cell
 from postproc.errors import Finding, Severity, SourceRef
 from postproc.model import WORKING, MotionKind, ToolPath
+from postproc.units import MM_PER_MIN
 
 AXIS_SHARE = 0.95 * 0.98
 """Share of an axis's speed that a feed may need; a higher feed is lowered to it. The rest is for
@@ -28,6 +29,16 @@ def feeds_of(toolpath: ToolPath, cell: Cell) -> FloatArray:
     cycle = own[np.asarray(toolpath.cycle)]
     is_hole = np.asarray(toolpath.kind) == MotionKind.HOLE
     return np.where(is_hole & np.isfinite(cycle), cycle, feed)
+
+
+def assumptions(toolpath: ToolPath, cell: Cell) -> tuple[str, ...]:
+    """Return in words what is taken where the file says nothing: units, and the cell's feed."""
+    own = np.array([*(cycle.feed for cycle in toolpath.cycles), np.nan])
+    silent = np.isnan(toolpath.feed) & np.isnan(own[np.asarray(toolpath.cycle)])
+    if not (silent & np.isin(toolpath.kind, WORKING)).any() or np.isnan(cell.motion.feed):
+        return toolpath.assumed
+    feed = f"feed {cell.motion.feed / MM_PER_MIN:g} mm/min of the cell where the file gives none"
+    return (*toolpath.assumed, feed)
 
 
 def least_feeds(toolpath: ToolPath, cell: Cell) -> FloatArray:

@@ -36,6 +36,7 @@ def inspection(toolpath: ToolPath) -> dict[str, Any]:
         "format": toolpath.format,
         "dialect": toolpath.dialect,
         "units": toolpath.units,
+        "assumed": list(toolpath.assumed),
         "points": len(toolpath),
         "rapid_points": int((kind == MotionKind.RAPID).sum()),
         "arcs": len(toolpath.arcs),
@@ -142,6 +143,7 @@ def text_lines(toolpath: ToolPath) -> list[str]:
     unknown = ", ".join(f"{word} ({n})" for word, n in facts["unknown_words"].items()) or "none"
     tools = "; ".join(_tool_text(toolpath, i) for i in range(len(toolpath.tools))) or "none"
     rows = [
+        *([("assumed", "; ".join(toolpath.assumed))] if toolpath.assumed else []),
         ("file", toolpath.path),
         ("format", f"{facts['format']}, dialect {facts['dialect']}, in {facts['units']}"),
         ("points", f"{facts['points']}, of them {facts['rapid_points']} rapid"),
@@ -158,7 +160,7 @@ def text_lines(toolpath: ToolPath) -> list[str]:
         ("unknown words", unknown),
     ]
     if toolpath.start is not None:
-        rows.insert(8, ("start", f"{_corner(facts['start_mm'])} mm, not driven"))
+        rows.insert(-3, ("start", f"{_corner(facts['start_mm'])} mm, not driven"))
     rows += [
         (
             f"{item['cycle']} cycle",

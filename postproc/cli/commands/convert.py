@@ -161,6 +161,8 @@ def _summary(
     content: dict[str, Any],
     folder: Path,
 ) -> None:
+    if content["assumed"]:
+        session.show(f"assumed  {'; '.join(content['assumed'])}")
     for text in headlines(conversion.findings):
         session.show(f"careful  {text}")
     if conversion.files:

@@ -63,6 +63,9 @@ def finished_toolpath(state: AptState, path: str) -> ToolPath:
         format="apt",
         dialect=state.dialect.name,
         units=state.units,
+        assumed=tuple(
+            f"lengths in {state.units}" for w in state.faults.warnings if w.code == "APT110"
+        ),
         points=table.points,
         axes=table.axes,
         kind=table.kind,
