@@ -161,10 +161,12 @@ def _summary(
     content: dict[str, Any],
     folder: Path,
 ) -> None:
+    first = [f"careful  {text}" for text in headlines(conversion.findings)]
     if content["assumed"]:
-        session.show(f"assumed  {'; '.join(content['assumed'])}")
-    for text in headlines(conversion.findings):
-        session.show(f"careful  {text}")
+        assumed = f"assumed  {'; '.join(content['assumed'])}"
+        first[:1] = [f"{first[0]}; {assumed}" if first else assumed]
+    for text in first:
+        session.show(text)
     if conversion.files:
         session.show(f"program  {folder / next(iter(conversion.files))}")
     else:
