@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import re
 from enum import StrEnum
-from functools import cache
+from functools import lru_cache
 from typing import NamedTuple
 from unicodedata import combining, normalize
 
@@ -102,7 +102,7 @@ _BETWEEN = re.compile(r"[\s_/\u00b7*.]+")
 _PER = frozenset({"per", "pro", "par"})
 
 
-@cache
+@lru_cache(maxsize=512)
 def unit_named(text: str) -> Unit | None:
     """Return what the name of a unit means, None if it is none.
 

@@ -39,10 +39,13 @@ from postproc.process import (
     as_served,
     assumptions,
     bases_named,
+    claimed,
     driven,
     feed_findings,
+    looks,
     machining_findings,
     restart_notes,
+    stands,
     start_findings,
     unit_findings,
     with_orientation,
@@ -54,6 +57,8 @@ from postproc.readers import ReadOptions, SurfaceNormals, read, read_pins
 from postproc.records import dataclass
 from postproc.units import DEG, MM, N_PER_MM
 
+NEAR_SURFACE = 1.0 * MM
+"""Up to this distance [m] the workpiece's normal is one to hold that of a hole against."""
 REASONS = {
     "PLN101": "unreachable",
     "PLN102": "joint_limit",
@@ -166,6 +171,7 @@ def convert(
     words = (
         *warned_doubts(cell),
         *word_findings(words_settled(toolpath, cell)),
+        *looks(toolpath, _outward(toolpath, cell)),
         *start_findings(served, cell),
         *machining_findings(driven(served, cell), cell),
         *unit_findings(toolpath, cell),
@@ -261,6 +267,24 @@ def _surface_normals(cell: Cell) -> SurfaceNormals | None:
             found[rows] = scene.surface_normals(points[rows])
         return found
 
+    return normals
+
+
+def _outward(toolpath: ToolPath, cell: Cell) -> FloatArray | None:
+    """Return the outward normals (n, 3) of the workpiece where the tool stands, NaN elsewhere."""
+    if not any(base.meshes for base in cell.bases):
+        return None
+    from postproc.collision import Scene
+
+    served, kinematics = claimed(toolpath, cell), build(cell.robot)
+    normals = np.full((len(toolpath), 3), np.nan)
+    for index, base in enumerate(cell.bases):
+        rows = np.flatnonzero(stands(toolpath) & (served.base == index)) if base.meshes else ()
+        if len(rows):
+            scene = Scene.shared(cell.with_tool(cell.tool_index, index), kinematics)
+            found = scene.nearest_surface(served.toolpath.points[rows])
+            near = found.distance <= NEAR_SURFACE
+            normals[rows[near]] = found.normal[near]
     return normals
 
 

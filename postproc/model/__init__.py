@@ -1,7 +1,7 @@
 """Frozen data types that the layers hand to each other; no numerics beyond shape checks."""
 
 from postproc.model.modelfile import ModelFile, Registration, entry, load_model, save_model
-from postproc.model.plan import BLEND_SHARE, MoveKind, MoveRole, Plan
+from postproc.model.plan import BLEND_SHARE, LEAST_BLEND, MoveKind, MoveRole, Plan
 from postproc.model.toolpath import (
     CUTS,
     ORIENT,
@@ -23,6 +23,7 @@ from postproc.model.toolpath import (
 __all__ = [
     "BLEND_SHARE",
     "CUTS",
+    "LEAST_BLEND",
     "ORIENT",
     "WORKING",
     "Arcs",

@@ -25,6 +25,8 @@ from postproc.errors import Finding, Severity
 from postproc.model.toolpath import Event, EventKind, ToolPath
 from postproc.records import dataclass
 
+LEAST_BLEND = 1e-6
+"""A shorter approximation distance [m] is an exact stop: a text has no digits for it."""
 BLEND_SHARE = 0.45
 """Largest share of a neighbouring move that blending may take: the controller cuts it at half."""
 

@@ -20,6 +20,7 @@ from postproc.process.feeds import (
     least_feeds,
 )
 from postproc.process.loads import load_cases, operation_loads, weight_wrench
+from postproc.process.looks import SHALLOW, SMALL, looks, stands
 from postproc.process.machining import machining_findings
 from postproc.process.material import (
     ALONG_AXIS,
@@ -76,7 +77,9 @@ __all__ = [
     "MOST_PECKS",
     "NUMBER",
     "PLUNGING",
+    "SHALLOW",
     "SHARPEST",
+    "SMALL",
     "START_HINT",
     "TAPS",
     "Claims",
@@ -103,6 +106,7 @@ __all__ = [
     "in_the_cut",
     "least_feeds",
     "load_cases",
+    "looks",
     "machining_findings",
     "machining_speeds",
     "may_be_passed",
@@ -118,6 +122,7 @@ __all__ = [
     "repeated_tags",
     "repeats",
     "restart_notes",
+    "stands",
     "start_findings",
     "started_by_none",
     "stretches",

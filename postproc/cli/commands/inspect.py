@@ -22,7 +22,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
 
     Words that convert would refuse are listed with their lines; nothing is written.
     """
-    from postproc.process import word_findings
+    from postproc.process import looks, word_findings
     from postproc.readers import ReadOptions, read
     from postproc.report.inspection import cell_tables, inspection, text_lines
 
@@ -38,7 +38,9 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
             session.show(line)
         if tables := cell_tables(toolpath):
             session.show(f"\nfor the cell, to be filled in:\n\n{tables}")
-    session.findings([*word_findings(toolpath), *toolpath.warnings, *toolpath.recovered])
+    session.findings(
+        [*word_findings(toolpath), *looks(toolpath), *toolpath.warnings, *toolpath.recovered]
+    )
     return answer(True)
 
 

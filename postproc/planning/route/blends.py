@@ -10,7 +10,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from postproc.arrays import BoolArray, FloatArray, stepped
-from postproc.model import BLEND_SHARE, MoveKind, MoveRole
+from postproc.model import BLEND_SHARE, LEAST_BLEND, MoveKind, MoveRole
 from postproc.planning.route.drill import ARRIVE, LEAVE
 from postproc.planning.states import Moves, Problem, entered_anew
 
@@ -55,7 +55,7 @@ def wished_blends(
     exact[:-2] |= back[1:] & (table.speed[:-2] != table.speed[1:-1])
     exact[-1:] = True
     blend[exact] = 0.0
-    return np.where(blend < 1e-6, 0.0, blend)
+    return np.where(blend < LEAST_BLEND, 0.0, blend)
 
 
 def _turns_back(table: Moves) -> BoolArray:

@@ -22,7 +22,7 @@ _BRACKETS = re.compile(r"[\[({<](.*?)[\])}>]")
 _NO_UNIT = frozenset({"", "-", "1"})
 """What brackets hold beside a number without a unit."""
 _HUMP = re.compile(r"(?<=[a-z])(?=[A-Z])")
-_BORDER = re.compile(r"^|[\s_\-,;:]+|(?<=\w)\.(?=\s|$)")
+_BORDER = re.compile(r"^|[\s_\-,;:/]+|(?<=\w)\.(?=\s|$)")
 _WORD = re.compile(r"[^\W_]+")
 _NOISE_WORDS = (
     "coord coords coordinate coordinates koordinate koordinaten coordonnee pos position loc "
@@ -31,6 +31,8 @@ _NOISE_WORDS = (
 )
 _NOISE = frozenset(_NOISE_WORDS.split())
 """Words beside a role that do not change it."""
+_LONGEST = 80
+"""Characters of a name; a longer text is none."""
 _UNKNOWN = "no column of this name or unit is known"
 _OF_UNIT = {Dimension.TURNS: "spindle", Dimension.SPEED: "feed"}
 """Roles whose name may be no more than their unit: rpm, mm/min."""
@@ -73,6 +75,8 @@ def column_of(name: str) -> Column:
     """
     name = name.strip()
     text = name.strip('"').strip()
+    if len(text) > _LONGEST:
+        return Column("", name, question=_UNKNOWN)
     if _UNCERTAIN.search(text.replace("_", " ")):
         return Column("", name)
     found = [_meant(words, unit) for words, unit in _readings(text)]

@@ -20,6 +20,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray, IndexArray, IntArray
 from postproc.model import MotionKind, ToolPath, WordUse
+from postproc.process import SHALLOW, SMALL
 from postproc.readers.base import HEAD_BYTES, LENGTH_UNITS, READERS, ReadOptions
 from postproc.readers.csv.calls import operation_runs, setup_calls, tool_calls
 from postproc.readers.csv.columns import (
@@ -57,10 +58,6 @@ MODAL_TEXTS = frozenset({"motion", "tool", "base", "sense"})
 """An empty field of these repeats the row before."""
 KEYS = ("operation", "tool", "base")
 """Rows of one name that differ in these are not repeated measurements."""
-LEAST_EXTENT = 1.0 * MM
-"""Points that are all nearer to each other [m] are in another unit than mm."""
-LEAST_DEPTH = 0.1 * MM
-"""Holes none of which is deeper [m] likewise."""
 _ASSUMED = {
     Dimension.LENGTH: "lengths in mm",
     Dimension.ANGLE: "angles in degrees",
@@ -68,6 +65,8 @@ _ASSUMED = {
     Dimension.TURNS: "spindle speeds in 1/min",
     Dimension.TIME: "times in s",
 }
+MOST_COLUMNS = 256
+"""So many names of a header are looked at to find a point."""
 SURE = 0.45
 """Below what a reader says that knows its own words."""
 
@@ -130,12 +129,13 @@ class CsvReader:
             columns, more = understood(columns, options, faults, header)
             uses = (*uses, *more)
         data = _in_si(columns, data, units)
-        return _toolpath(path, options, units, uses, data, faults)
+        return _toolpath(path, options, layout, units, uses, data, faults)
 
 
 def _names_a_point(text: str) -> bool:
     return any(
-        set(POSITION) <= {column_of(name).role for name in split_row(text, separator)}
+        set(POSITION)
+        <= {column_of(name).role for name in split_row(text, separator)[:MOST_COLUMNS]}
         for separator in SEPARATORS
     )
 
@@ -225,21 +225,18 @@ def _check_sizes(
     """Ask for the unit of length where the numbers refute the usual one.
 
     Raises:
-        ReadError: CSV017, unless the file is only looked at.
+        ReadError: CSV017.
     """
     extent = float(np.ptp(points, axis=0).max(initial=0.0)) if len(points) else 0.0
     depth = float(np.nanmax(np.abs(data.numbers.get("depth", np.zeros(1))), initial=0.0))
     sizes = (
-        (extent, LEAST_EXTENT, POSITION[0], "all points lie within"),
-        (depth, LEAST_DEPTH, "depth", "no hole is deeper than"),
+        (extent, SMALL, POSITION[0], "all points lie within"),
+        (depth, SHALLOW, "depth", "no hole is deeper than"),
     )
     for size, least, role, what in sizes:
         if options.units is not None or role not in data.bare or not 0.0 < size < least:
             continue
         text = f"{what} {size / MM:.4g} mm: the file says no unit of length, and mm is hardly it"
-        if options.points_only:
-            faults.warn("CSV017", text, int(line[0]))
-            continue
         hint = "say it in the header (x [m]) or with --units m, inch, or mm where that is meant"
         raise faults.error("CSV017", text, int(line[0]), hint=hint)
 
@@ -247,6 +244,7 @@ def _check_sizes(
 def _toolpath(
     path: str,
     options: ReadOptions,
+    layout: Layout,
     units: str,
     uses: tuple[WordUse, ...],
     data: _Columns,
@@ -260,7 +258,8 @@ def _toolpath(
     if merged is not None:
         points, rows = merged
     line = data.line[rows]
-    _check_sizes(points, line, data, options, faults)
+    if not options.points_only:
+        _check_sizes(points, line, data, options, faults)
     _warn_if_far(points, line, faults)
     axes, rotations = _orientation(data, points, rows, options, faults)
     holes = _hole_columns(data, rows)
@@ -295,6 +294,7 @@ def _toolpath(
         setups=setups,
         rotations=rotations,
         names=tuple(kept_names) if kept_names else None,
+        words={} if layout.header is None else dict.fromkeys(layout.header, 1),
         extra={} if holes.diameter is None else {"diameter": holes.diameter},
         unknown_words={use.word: 1 for use in uses},
         word_uses=uses,

@@ -32,7 +32,7 @@ _BLANK = " "
 _COMMENTS = ("#", "//", "%")
 """How lines begin that are for people."""
 _COMMENT_BYTES = np.frombuffer(b"#/%", dtype=np.uint8)
-_SEPARATOR = re.compile(r'^"?sep=(.)"?$', re.IGNORECASE)
+_SEPARATOR = re.compile(r'^"?sep=(.?)"?$', re.IGNORECASE)
 """First line by which a spreadsheet says its separator."""
 _DECIMAL_COMMA = re.compile(r"^\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*$")
 
@@ -140,7 +140,9 @@ def _sample(block: TextBlock) -> Iterator[tuple[int, str]]:
 def _separator(rows: list[str], told: str | None) -> tuple[str, bool]:
     """Return the separator, as the file tells it or as it looks, and whether commas are decimal."""
     body = rows[1:] or rows
-    for candidate in (told,) if told and told not in ", " else (";", "\t"):
+    if told == ",":
+        return told, False
+    for candidate in (told,) if told else (";", "\t"):
         if told or all(candidate in row for row in body):
             fields = [part for row in body for part in row.split(candidate)]
             commas = sum(1 for part in fields if _DECIMAL_COMMA.match(part))

@@ -1,0 +1,188 @@
+"""What an engineer sees in a cloud of points before any robot moves: one warning for each look."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray, IndexArray, runs
+from postproc.errors import Finding, Severity
+from postproc.model import BLEND_SHARE, CUTS, LEAST_BLEND, MotionKind, ToolPath
+from postproc.process.repeats import SAME_POINT
+from postproc.units import MM
+
+ONE_PLACE = 0.1 * MM
+"""Holes of one tool whose tops are nearer [m] are one hole."""
+SMALL = 1.0 * MM
+"""No job of a robot is all within less [m]."""
+SHALLOW = 0.1 * MM
+"""No hole is less deep [m]."""
+_AGAINST = -0.5
+"""Cosine of two normals that point to opposite sides."""
+_NEIGHBOURS = 8
+_MOST = 2.0 / 3.0
+"""Share of the neighbours against which a normal is turned round."""
+_OF_HOLES = re.compile(
+    r"hole|bohr|loch|trou|per[c\u00e7]age|grip|klemml|fastener|rivet|niet|bolt|drill|diam|"
+    r"\bdia\b|durchm|\u00f8",
+    re.IGNORECASE,
+)
+"""Headers of lists of holes."""
+_SHOWN = 6
+
+
+def stands(toolpath: ToolPath) -> BoolArray:
+    """Return (n,) the tags at which the tool stands: holes, and points of a list without a feed."""
+    kind = np.asarray(toolpath.kind)
+    touch = (kind == MotionKind.LINEAR) & np.isnan(toolpath.feed) & (toolpath.format == "csv")
+    return np.asarray((kind == MotionKind.HOLE) | touch)
+
+
+def looks(toolpath: ToolPath, outward: FloatArray | None = None) -> tuple[Finding, ...]:
+    """Return one warning for each look at a toolpath that shows something wrong.
+
+    Args:
+        toolpath: as it was read.
+        outward: (n, 3) outward normals of the workpiece at the tags, NaN where there are none.
+    """
+    found = (look(toolpath, outward) for look in LOOKS)
+    return tuple(finding for finding in found if finding is not None)
+
+
+def _doubles(toolpath: ToolPath, _: FloatArray | None) -> Finding | None:
+    """One place that one tool serves twice in an operation."""
+    from scipy.spatial import cKDTree
+
+    rows = _known(toolpath)
+    keys = (toolpath.tool, toolpath.operation, toolpath.setup_of_tags)
+    key = np.unique(np.stack(keys)[:, rows], axis=1, return_inverse=True)[1].reshape(-1)
+    places = np.column_stack([toolpath.points[rows], key])  # of other keys: a metre and more away
+    own, first, which = np.unique(places, axis=0, return_index=True, return_inverse=True)
+    which = which.reshape(-1)
+    later = np.flatnonzero(first[which] != np.arange(len(rows)))
+    pairs = [np.column_stack([later, first[which[later]]])]
+    if len(own) > 1:
+        pairs.append(np.sort(first[_near(cKDTree(own), own)], axis=1)[:, ::-1])
+    twin = np.unique(np.concatenate(pairs), axis=0)
+    _, once = np.unique(twin[:, 0], return_index=True)
+    if not len(once):
+        return None
+    listed = [
+        f"{_name(toolpath, rows[b])} at the place of {_name(toolpath, rows[a])}"
+        for b, a in twin[once][:_SHOWN].tolist()
+    ]
+    text = f"{len(once)} places come twice, and are worked twice: {_list(listed, len(once))}"
+    return _warning("PTS001", text, toolpath, rows[twin[once, 0]])
+
+
+def _near(tree: object, places: FloatArray) -> IndexArray:
+    """Return pairs (m, 2) of places (n, 4) that are nearest to each other and one place."""
+    distance, near = tree.query(places, k=2, distance_upper_bound=ONE_PLACE)  # type: ignore[attr-defined]
+    at = np.flatnonzero(np.isfinite(distance[:, 1]))
+    return np.column_stack([at, near[at, 1]])
+
+
+def _turned(toolpath: ToolPath, outward: FloatArray | None) -> Finding | None:
+    """Normals that point the other way than those around them, or into the workpiece."""
+    from scipy.spatial import cKDTree
+
+    rows = _known(toolpath)
+    axes, wrong = toolpath.axes[rows], np.zeros(len(rows), dtype=np.bool_)
+    places, first = np.unique(toolpath.points[rows], axis=0, return_index=True)
+    count = min(_NEIGHBOURS + 1, len(places))
+    if count > 2:
+        near = np.asarray(cKDTree(places).query(places, k=count)[1])[:, 1:]
+        cosine = np.einsum("ij,ikj->ik", axes[first], axes[first][near])
+        turned = (cosine < _AGAINST).mean(axis=1) >= _MOST
+        wrong[first] = turned & (turned.mean() < 0.5)  # more of them are the other side of a part
+    inward = np.zeros(len(rows), dtype=np.bool_)
+    if outward is not None:
+        inward = np.einsum("ij,ij->i", axes, np.nan_to_num(outward[rows])) < _AGAINST
+    at = rows[wrong | inward]
+    if not len(at):
+        return None
+    what = "into the workpiece" if inward.any() else "the other way than those around them"
+    listed = [_name(toolpath, row) for row in at[:_SHOWN]]
+    text = f"{len(at)} normals point {what}, from the tip to the holder: {_list(listed, len(at))}"
+    return _warning("PTS002", text, toolpath, at)
+
+
+def _extent(toolpath: ToolPath, _: FloatArray | None) -> Finding | None:
+    """All points within less than any job."""
+    points = toolpath.points[np.isfinite(toolpath.points).all(axis=1)]
+    size = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
+    if not SAME_POINT < size < SMALL:
+        return None
+    text = f"all points lie within {size / MM:.4g} mm: is the unit of length the right one?"
+    return _warning("PTS003", text, toolpath, np.arange(1))
+
+
+def _depth(toolpath: ToolPath, _: FloatArray | None) -> Finding | None:
+    """Lists of holes that do not say how deep, and holes without depth."""
+    kind, holes = np.asarray(toolpath.kind), np.asarray(toolpath.kind) == MotionKind.HOLE
+    if toolpath.format == "csv" and (kind == MotionKind.LINEAR).all():
+        named = [word for word in toolpath.words if _OF_HOLES.search(word)]
+        if named:
+            text = (
+                f"a list of holes ({', '.join(named[:_SHOWN])}) without a depth: no hole is "
+                "drilled, the tool goes to the points only"
+            )
+            return _warning("PTS004", text, toolpath, np.arange(1))
+    depth = np.array([*(cycle.depth for cycle in toolpath.cycles), np.inf])
+    flat = np.flatnonzero(holes & (depth[np.asarray(toolpath.cycle)] < SHALLOW))
+    if not len(flat):
+        return None
+    listed = [_name(toolpath, row) for row in flat[:_SHOWN]]
+    text = f"{len(flat)} holes are less than 0.1 mm deep: {_list(listed, len(flat))}"
+    return _warning("PTS004", text, toolpath, flat)
+
+
+def _spacing(toolpath: ToolPath, _: FloatArray | None) -> Finding | None:
+    """Points of a cut that are too near to each other to be blended."""
+    step = np.linalg.norm(np.diff(toolpath.points, axis=0), axis=1)
+    cuts = np.isin(toolpath.kind, CUTS)
+    near = (step > SAME_POINT) & (step < LEAST_BLEND / BLEND_SHARE)
+    near &= cuts[:-1] & (np.asarray(toolpath.kind)[1:] == MotionKind.LINEAR)
+    tags = np.flatnonzero(near) + 1
+    if not len(tags):
+        return None
+    lines = [
+        f"{toolpath.line[low + 1]} to {toolpath.line[high]}"
+        if high - low > 1
+        else f"{toolpath.line[low + 1]}"
+        for low, high in runs(near[None])
+        if near[low]
+    ]
+    text = (
+        f"{len(tags)} points of cuts are less than {LEAST_BLEND / BLEND_SHARE / MM:.4f} mm apart: "
+        f"too short to blend, an exact stop at each: lines {_list(lines[:_SHOWN], len(lines))}"
+    )
+    return _warning("PTS005", text, toolpath, tags)
+
+
+LOOKS: tuple[Callable[[ToolPath, FloatArray | None], Finding | None], ...] = (
+    _doubles, _turned, _extent, _depth, _spacing,
+)  # fmt: skip
+"""What is looked at, in the order of the warnings."""
+
+
+def _known(toolpath: ToolPath) -> IndexArray:
+    """Return the tags where the tool stands at a known place with a known axis."""
+    known = np.isfinite(toolpath.points).all(axis=1) & np.isfinite(toolpath.axes).all(axis=1)
+    return np.flatnonzero(stands(toolpath) & known)
+
+
+def _name(toolpath: ToolPath, tag: int) -> str:
+    line = f"line {toolpath.line[tag]}"
+    return line if toolpath.names is None else f"{toolpath.names[tag]} ({line})"
+
+
+def _list(shown: Sequence[str], count: int) -> str:
+    more = f" and {count - len(shown)} more" if count > len(shown) else ""
+    return ", ".join(shown) + more
+
+
+def _warning(code: str, text: str, toolpath: ToolPath, tags: IndexArray) -> Finding:
+    return Finding(Severity.WARNING, code, text, int(tags[0]), toolpath.source(int(tags[0])))
