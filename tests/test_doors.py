@@ -74,7 +74,7 @@ def test_a_room_says_what_it_is_for(room):
 
 SLOW = {
     # packages that take a tenth of a second and more to load, or are optional
-    *("scipy", "pinocchio", "fcl", "trimesh", "ruckig", "xacro", "xacrodoc", "jinja2", "PIL"),
+    *("scipy", "pinocchio", "coal", "trimesh", "ruckig", "xacro", "xacrodoc", "jinja2", "PIL"),
     *("numpy", "distributed", "pebble"),
     # rooms that load them, for those who need them in some calls only
     *("postproc.collision", "postproc.compensation", "postproc.comparison", "postproc.report"),

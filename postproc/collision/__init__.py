@@ -1,4 +1,4 @@
-"""The only user of fcl and trimesh: solids, pairs, the pair that hit, motions in between."""
+"""The only user of coal and trimesh: solids, pairs, the pair that hit, motions in between."""
 
 from postproc.collision.bodies import Body
 from postproc.collision.check import Hits

@@ -11,26 +11,12 @@ import math
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.records import dataclass
 
 AXIS_FLOOR = 1e-6
 """Cross products of nearly parallel edges shorter than this say nothing and are left out."""
 
 _NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
 """The axis, corner or edge after each of three, and the one before it."""
-
-
-@dataclass(frozen=True, slots=True)
-class Boxes:
-    """k oriented boxes in one frame: centres (k, 3) [m], axes (k, 3, 3) as columns, half sizes."""
-
-    centre: FloatArray
-    axes: FloatArray
-    half: FloatArray
-
-    def __len__(self) -> int:
-        """Return the number of boxes."""
-        return len(self.centre)
 
 
 def fit_box(points: FloatArray, faces: FloatArray | None = None) -> tuple[FloatArray, ...]:

@@ -103,27 +103,12 @@ def _candidates(
     wanted = engine.wanted(contact)
     if only is not None:
         wanted = wanted & only[:, None]
-    return engine.candidates(engine.place(q), margin, wanted, fine=bool(margin.any()))
+    return engine.candidates(engine.place(q), margin, wanted)
 
 
 def first_hits(engine: Engine, found: Candidates) -> np.ndarray:
     """Return the first entry of each row that collides, ordered by row."""
-    near = found.near
-    first, second = engine.bodies(near)
-    hit = found.meets.copy()
-    # behind a pair that is known to collide nothing of the same row matters
-    order = np.where(hit, np.arange(len(found)), len(found))
-    earliest = np.full(int(near.row.max(initial=-1)) + 1, len(found))
-    np.minimum.at(earliest, near.row, order)
-    open_ = np.flatnonzero(np.arange(len(found)) < earliest[near.row])
-    met = engine.exact.collide(
-        first[open_],
-        second[open_],
-        found.R[open_],
-        found.p[open_],
-        near.row[open_],
-        engine.table.margin[near.pair[open_]],
-    )
-    hit[open_[met]] = True
-    entries = np.flatnonzero(hit)
-    return entries[np.unique(near.row[entries], return_index=True)[1]]
+    margin = engine.table.margin[found.near.pair]
+    every = np.arange(len(found))
+    distance = engine.distances(found, every, margin, margin, margin, found.near.row)
+    return np.flatnonzero(distance <= margin)

@@ -66,16 +66,15 @@ def _lower(
     wanted: BoolArray,
 ) -> None:
     """Lower ``least`` (n,) to the distances of wanted pairs, the most promising first, in place."""
-    found = engine.candidates(placed, threshold, wanted, fine=bool(np.isfinite(threshold).all()))
+    found = engine.candidates(placed, threshold, wanted)
     near = found.near
-    least[near.row[found.meets]] = 0.0
-    pair[near.row[found.meets]] = near.pair[found.meets]
     order = np.lexsort((near.bound, near.row))
     place = np.arange(len(order)) - np.searchsorted(near.row[order], near.row[order])
     for turn in range(int(place.max(initial=-1)) + 1):  # one entry of each row
         entries = order[place == turn]
         entries = entries[near.bound[entries] < least[near.row[entries]]]
-        distance = engine.distances(found, entries)
-        nearer = distance < least[near.row[entries]]
+        known = least[near.row[entries]]
+        distance = engine.distances(found, entries, known, known)
+        nearer = distance < known
         rows = near.row[entries[nearer]]
         least[rows], pair[rows] = distance[nearer], near.pair[entries[nearer]]

@@ -1,8 +1,8 @@
 """Culling: which pairs of bodies may be nearer than a threshold, for many configurations at once.
 
-Three stages, each a rigorous lower bound of the distance: axis-aligned boxes of all pairs, then
-oriented boxes of the survivors, then their solids where those are convex, or oriented boxes of the
-pieces of their surfaces. What stays is for the exact test. Arrays run over configurations last.
+Two stages, each a rigorous lower bound of the distance: axis-aligned boxes of all pairs, then
+oriented boxes of the survivors. What stays is for ``distance``. Arrays run over configurations
+last.
 """
 
 from __future__ import annotations
@@ -11,15 +11,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, Table, members, numbered, taken
+from postproc.arrays import BoolArray, FloatArray, Table, taken
 from postproc.collision.boxes import box_gap, seen_from
-from postproc.collision.inside import InsideTest
 from postproc.collision.shape import Shape
+from postproc.collision.tree import SLACK
 from postproc.records import dataclass
 
-SLACK = 1e-9
-"""Rounding of positions [m]: nothing nearer than this counts as proven apart."""
-_BATCH = 400_000
 _TOGETHER = 100_000
 """So many gaps are worked out at once: few calls, and all stays in the cache of the processor."""
 
@@ -80,11 +77,6 @@ class Culler:
         self._centre = np.stack([shape.centre for shape in shapes])
         self._axes = np.stack([shape.axes for shape in shapes])
         self._half = np.stack([shape.half for shape in shapes])
-        self._has_inside = np.array([shape.inside.has_inside for shape in shapes])
-        self._inside_test = InsideTest.joined([shape.inside for shape in shapes])
-        self._probes = np.vstack([shape.probes for shape in shapes])
-        self._probe_count = np.array([len(shape.probes) for shape in shapes])
-        self._probe_start = np.cumsum(self._probe_count) - self._probe_count
         self._is_still = links == 0
         self._slot = np.where(self._is_still, np.cumsum(self._is_still), np.cumsum(~self._is_still))
         self._slot -= 1
@@ -211,38 +203,6 @@ class Culler:
         axes[:, :, some] = placed.axes[slot[some], :, :, row[some]].transpose(1, 2, 0)
         centre[:, some] = placed.centre[slot[some], :, row[some]].T
         return axes, centre
-
-    def nested(self, near: Near, R_a_b: FloatArray, p_a_b: FloatArray) -> np.ndarray:
-        """Return which entries (h,) have a part of one body wholly inside the other.
-
-        Meant for pairs whose surfaces do not touch: one point of each part decides.
-
-        Args:
-            near: pairs to look at.
-            R_a_b: (k, 3, 3) rotation from ``relative``.
-            p_a_b: (k, 3) origin from ``relative`` [m].
-        """
-        if not len(near):
-            return np.zeros(0, dtype=np.int64)
-        a, b = self.first[near.pair], self.second[near.pair]
-        R_b_a = np.swapaxes(R_a_b, 1, 2)
-        p_b_a = -np.einsum("kij,kj->ki", R_b_a, p_a_b)
-        both_ways = ((a, b), (b, a), (R_a_b, R_b_a), (p_a_b, p_b_a))
-        return members(self._inside(*map(np.concatenate, both_ways)) % len(near), len(near))
-
-    def _inside(
-        self, outer: np.ndarray, inner: np.ndarray, R: FloatArray, p: FloatArray
-    ) -> np.ndarray:
-        """Return entries (h,) with a probe of the inner body inside the outer one."""
-        entry = np.flatnonzero(self._has_inside[outer])
-        owner, step = numbered(self._probe_count[inner[entry]])
-        entry = entry[owner]
-        probe = taken(self._probes, self._probe_start[inner[entry]] + step)
-        points = np.einsum("kij,kj->ki", taken(R, entry), probe) + taken(p, entry)
-        body = outer[entry]
-        local = np.einsum("kji,kj->ki", taken(self._axes, body), points - taken(self._centre, body))
-        kept = np.flatnonzero((np.abs(local) <= taken(self._half, body)).all(axis=1))
-        return entry[kept[self._inside_test.contains(taken(points, kept), body[kept])]]
 
     def relative(self, frames: Frames, near: Near) -> tuple[FloatArray, FloatArray]:
         """Return rotation (k, 3, 3) and origin (k, 3) of the second body's frame in the first's."""

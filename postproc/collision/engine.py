@@ -8,12 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, members, taken
+from postproc.arrays import BoolArray, FloatArray, IndexArray, taken
 from postproc.collision.arm import Arm
 from postproc.collision.bodies import WORLD, Body
-from postproc.collision.convex_pairs import ConvexPairs
 from postproc.collision.cull import Culler, Frames, Near, Placed
-from postproc.collision.exact import ExactTests
+from postproc.collision.distance import Distances
 from postproc.collision.external import JOINTS, PART_LINK, WORLD_LINK, ExternalAxes
 from postproc.collision.mesh import Mesh
 from postproc.collision.pairs import (
@@ -24,7 +23,6 @@ from postproc.collision.pairs import (
     neutral_poses,
     spread_poses,
 )
-from postproc.collision.pieces import PieceBounds
 from postproc.collision.shape import Shape
 from postproc.collision.sweep import SweepBound
 from postproc.geometry import inverse
@@ -38,14 +36,12 @@ CHUNK = 1000
 class Candidates:
     """Pairs that need an exact test, in order of row, then pair.
 
-    ``R``, ``p``: (k, 3, 3), (k, 3) [m] frame of the second body in the first's; ``meets``: (k,) a
-    point lies in both, or one wholly inside the other if their surfaces do not touch.
+    ``R``, ``p``: (k, 3, 3), (k, 3) [m] frame of the second body in the first's.
     """
 
     near: Near
     R: FloatArray
     p: FloatArray
-    meets: BoolArray
 
     def __len__(self) -> int:
         """Return the number of entries."""
@@ -83,8 +79,8 @@ class Engine:
         self.external = external
         meshes = [self._mesh(body) for body in bodies]
         self._shapes = [Shape.of(mesh) for mesh in meshes]
+        self._distances = Distances(meshes, [shape.parts for shape in self._shapes])
         self._links = np.array([self._link(body) for body in bodies])
-        self.exact = ExactTests(meshes)
         self._use(candidate_pairs(bodies, stand_ins, clearance, thin or {}))
         by_construction = self._touching(*limits)
         stands_for = {new: pair for pair, new in (thin or {}).items()}
@@ -109,8 +105,6 @@ class Engine:
         self.table = table
         parts = (self._shapes, self._links, table.first, table.second)
         self._culler = Culler(*parts)
-        self._pieces = PieceBounds(self._shapes, table.first, table.second)
-        self._convex = ConvexPairs(self._shapes, table.first, table.second)
         self.sweep = SweepBound(self.arm, *parts, self.external)
 
     def with_clearance(self, more: float) -> Engine:
@@ -145,10 +139,8 @@ class Engine:
         table = self.table
         wanted = (table.is_self | table.is_wrist)[:, None]
         found = self.candidates(placed, np.zeros((len(table), 1)), wanted)
-        first, second = self.bodies(found.near)
-        every = np.arange(len(found))
-        touching = found.meets.copy()
-        touching[self.exact.collide(first, second, found.R, found.p, every)] = True
+        none = np.zeros(len(found))
+        touching = self.distances(found, np.arange(len(found)), none, none) <= 0.0
         hit = np.zeros((len(self.table), len(placed)), dtype=bool)
         hit[found.near.pair[touching], found.near.row[touching]] = True
         n = len(neutral)
@@ -169,7 +161,7 @@ class Engine:
     @property
     def is_closed(self) -> list[bool]:
         """Whether each body is closed, so that what lies inside it is seen."""
-        return [shape.is_closed for shape in self._shapes]
+        return [bool(shape.parts.closed.all()) for shape in self._shapes]
 
     def frames(self, q: FloatArray) -> Frames:
         """Return the links at configurations (n, 6 + k): joints [rad], external axes."""
@@ -193,74 +185,51 @@ class Engine:
             return self.table.out_of_contact[:, None]
         return np.where(contact, self.table.in_contact[:, None], self.table.out_of_contact[:, None])
 
-    def candidates(
-        self, placed: Placed, threshold: FloatArray, wanted: BoolArray, fine: bool = False
-    ) -> Candidates:
+    def candidates(self, placed: Placed, threshold: FloatArray, wanted: BoolArray) -> Candidates:
         """Return the pairs that may be nearer than their threshold, or one in the other.
 
         Args:
             placed: the bodies.
             threshold: (p, n) or (p, 1) [m].
             wanted: (p, n) or (p, 1), the pairs to look at.
-            fine: cull by pieces of surfaces too, which pays where the exact test is a distance.
         """
         near = self._culler.bodies_near(placed, threshold, wanted)
         near = near.rows(np.lexsort((near.pair, near.row)))
-        limit = np.broadcast_to(threshold, (len(threshold), len(placed)))[near.pair, near.row]
-        return self._kept(near, *self._culler.relative(placed, near), limit, fine=fine)
+        return Candidates(near, *self._culler.relative(placed, near))
 
     def candidates_among(
         self, frames: Frames, pair: np.ndarray, row: np.ndarray, threshold: FloatArray
     ) -> Candidates:
         """Return those of single pairs (k,) at configurations (k,) that may be nearer than (k,).
 
-        As ``candidates``, by pieces of surfaces too. Entries are in order of row, then pair.
+        As ``candidates``. Entries are in order of row, then pair.
         """
         near = Near(pair, row, np.zeros(len(pair)))
         R, p = self._culler.relative(frames, near)
         near = self._culler.entries_near(near, R, p, threshold)
         kept = np.flatnonzero(np.isfinite(near.bound))
-        return self._kept(
-            near.rows(kept), taken(R, kept), taken(p, kept), threshold[kept], fine=True
-        )
-
-    def _kept(
-        self, near: Near, R: FloatArray, p: FloatArray, limit: FloatArray, *, fine: bool
-    ) -> Candidates:
-        """Return entries with what solids and pieces of surfaces tell of them, and which meet."""
-        near, R, p, limit, meets = self._convex.culled(near, R, p, limit)
-        unclear = np.flatnonzero(~meets)
-        nested = self._culler.nested(near.rows(unclear), taken(R, unclear), taken(p, unclear))
-        meets[unclear[nested]] = True
-        if not fine or not len(near):
-            return Candidates(near, R, p, meets)
-        kept, bound = self._pieces.refine(near, R, p, limit)
-        near.bound[kept] = bound
-        kept = members(np.append(kept, np.flatnonzero(meets)), len(near))
-        return Candidates(near.rows(kept), taken(R, kept), taken(p, kept), meets[kept])
+        return Candidates(near.rows(kept), taken(R, kept), taken(p, kept))
 
     def met(self, q: FloatArray, pair: np.ndarray) -> BoolArray:
-        """Return (n,) whether one pair each meets at configurations (n, 6 + k).
-
-        One inside the other does not, unless that is plain.
-        """
+        """Return (n,) whether one pair each meets at configurations (n, 6 + k)."""
         near = Near(pair, np.arange(len(q)), np.zeros(len(q)))
-        R, p = self._culler.relative(self.frames(q), near)
-        met = np.zeros(len(q), dtype=np.bool_)
-        near, R, p, _, meets = self._convex.culled(near, R, p, np.zeros(len(q)))
-        met[near.row[meets]] = True
-        near, R, p = near.rows(~meets), R[~meets], p[~meets]
-        met[near.row[self.exact.collide(*self.bodies(near), R, p, near.row)]] = True
-        return met
+        found = Candidates(near, *self._culler.relative(self.frames(q), near))
+        none = np.zeros(len(q))
+        return np.asarray(self.distances(found, np.arange(len(q)), none, none) <= 0.0)
 
-    def distances(self, found: Candidates, which: np.ndarray) -> FloatArray:
-        """Return exact distances [m] of the given entries; 0 where they meet."""
-        first, second = self.bodies(found.near)
-        d = np.zeros(len(which))
-        apart = np.flatnonzero(~found.meets[which])
-        rows = which[apart]
-        d[apart] = self.exact.distance(first[rows], second[rows], found.R[rows], found.p[rows])
-        return d
+    def distances(
+        self,
+        found: Candidates,
+        which: IndexArray,
+        enough: FloatArray,
+        low: FloatArray,
+        stop: FloatArray | float = 0.0,
+        group: IndexArray | None = None,
+    ) -> FloatArray:
+        """Return distances (k,) [m] of entries ``which`` (k,), as ``Distances.distance``."""
+        first, second = self.bodies(found.near.rows(which))
+        frames = taken(found.R, which), taken(found.p, which)
+        return self._distances.distance(first, second, *frames, enough, low, stop, group)
 
     def meeting_point(self, q: FloatArray, pair: int) -> FloatArray:
         """Return where a pair meets or is nearest (3,) [m] in robroot at a row (6 + k,)."""
@@ -269,7 +238,7 @@ class Engine:
         one = Near(np.array([pair]), np.array([0]), np.zeros(1))
         R, p = self._culler.relative(frames, one)
         T_robroot_first = frames.link[self._links[first], :, :, 0]
-        point = self.exact.meeting_point(first, second, R[0], p[0])
+        point = self._distances.meeting_point(first, second, R[0], p[0])
         return np.asarray(T_robroot_first[:, :3] @ point + T_robroot_first[:, 3])
 
     def axis_aligned_bound(self, placed: Placed) -> FloatArray:

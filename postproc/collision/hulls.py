@@ -14,10 +14,10 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray, numbered
 from postproc.collision.check import NO_PAIR, chunks
-from postproc.collision.cull import SLACK
 from postproc.collision.engine import CHUNK, Candidates, Engine
 from postproc.collision.motion import MotionCheck, opened
 from postproc.collision.sweep import Sway
+from postproc.collision.tree import SLACK
 
 MOST_OPEN = 4000
 """A corner of which so many pieces are undecided counts as colliding."""
@@ -131,12 +131,9 @@ class HullCheck(MotionCheck):
         found, moves = near(middle, Sway(turn + slack), wanted)
         moves = np.minimum(moves, self._straight(middle, ways, turn, slack, found))
         pair, row = found.near.pair, found.near.row
-        margin = self._engine.table.margin[pair]
-        gap = found.near.bound - margin
-        unclear = np.flatnonzero((gap <= moves + SLACK) | found.meets)
-        gap[unclear] = self._engine.distances(found, unclear) - margin[unclear]
         small = turn.max(axis=1) <= slack.max(axis=1)
         coarse = (q.shape[2] > 1) & (2.0 * moves <= self._coarse)
+        gap = self._gaps(found, moves, worth=1.0, exact=small[row] | coarse)
         close = gap <= moves + SLACK
         hit = (gap <= 0.0) | ((small[row] | coarse) & close)
         left = np.flatnonzero(hit | (close & (2.0 * moves > self._resolution)))

@@ -1,6 +1,6 @@
 """Is a point inside a closed mesh? Connected parts, which of them are closed, and the test.
 
-A mesh is a surface to fcl: a solid wholly inside another touches nothing and counts as free. When
+A mesh is a surface: a solid wholly inside another touches nothing and counts as free. When
 two surfaces do not touch, each connected part of one lies wholly inside or wholly outside the
 other, so one point of every part decides.
 """
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray, IntArray, numbered, taken
+from postproc.arrays import BoolArray, FloatArray, IntArray, numbered, taken
 from postproc.collision.mesh import Mesh, normals_of
 from postproc.records import dataclass
 
@@ -78,7 +78,7 @@ def probes_of(mesh: Mesh, parts: Parts) -> FloatArray:
 
 
 class InsideTest:
-    """Tells which points lie inside the closed parts of a mesh, or of one of several.
+    """Tells which points lie inside the closed parts of a mesh.
 
     Rays along one direction that no face of a drawing is parallel to; the signed count of the
     faces above a point is the winding number, so overlapping parts do not cancel. Parts whose
@@ -96,8 +96,8 @@ class InsideTest:
             flat[:, 1, 1] - flat[:, 0, 1]
         ) * (flat[:, 2, 0] - flat[:, 0, 0])
         self._side = np.sign(area)
-        self._low = corners.min(axis=(0, 1), initial=np.inf)[None]
-        self._high = corners.max(axis=(0, 1), initial=-np.inf)[None]
+        self._low = corners.min(axis=(0, 1), initial=np.inf)
+        self._high = corners.max(axis=(0, 1), initial=-np.inf)
         grid = max(1, int(np.sqrt(len(self._faces) / _FACES_PER_CELL)))
         first, count, cell = self._cells_of(flat, grid)
         while grid > 1 and count.prod(axis=1).sum() > _CROWD * len(flat):
@@ -105,24 +105,7 @@ class InsideTest:
             grid //= 2
             first, count, cell = self._cells_of(flat, grid)
         self._start, self._members = _index(first, count, grid)
-        self._cell, self._grid, self._begin = cell[None], np.array([grid]), np.zeros(1, np.int64)
-
-    @classmethod
-    def joined(cls, tests: list[InsideTest]) -> InsideTest:
-        """Return the tests of several meshes as one."""
-        joined = cls.__new__(cls)
-        for name in ("_is_oriented", "_turned", "_side", "_low", "_high", "_cell", "_grid"):
-            setattr(joined, name, np.concatenate([getattr(test, name) for test in tests]))
-        for name, size in (
-            ("_faces", lambda test: len(test._turned)),
-            ("_start", lambda test: len(test._members)),
-            ("_members", lambda test: len(test._faces)),
-            ("_begin", lambda test: len(test._start)),
-        ):
-            first = np.cumsum([0, *map(size, tests[:-1])])
-            parts = [getattr(test, name) + n for test, n in zip(tests, first, strict=True)]
-            setattr(joined, name, np.concatenate(parts))
-        return joined
+        self._cell, self._grid = cell, grid
 
     @property
     def has_inside(self) -> bool:
@@ -134,36 +117,34 @@ class InsideTest:
 
         And the size (2,) of a cell.
         """
-        cell = np.maximum((self._high - self._low)[0, :2], 1e-12) / grid
-        low = np.floor((flat.min(axis=1) - self._low[0, :2]) / cell).astype(np.int32)
-        high = np.floor((flat.max(axis=1) - self._low[0, :2]) / cell).astype(np.int32)
+        cell = np.maximum((self._high - self._low)[:2], 1e-12) / grid
+        low = np.floor((flat.min(axis=1) - self._low[:2]) / cell).astype(np.int32)
+        high = np.floor((flat.max(axis=1) - self._low[:2]) / cell).astype(np.int32)
         low, high = np.clip(low, 0, grid - 1), np.clip(high, 0, grid - 1)
         return low, high - low + 1, cell
 
-    def contains(self, points: FloatArray, mesh: IndexArray | None = None) -> BoolArray:
+    def contains(self, points: FloatArray) -> BoolArray:
         """Return (n,) whether each point (n, 3) [m] in a mesh's frame lies inside a closed part.
 
-        Points on the surface may fall on either side. ``mesh`` (n,): of joined tests that of each
-        point; None: the first.
+        Points on the surface may fall on either side.
         """
         inside = np.zeros(len(points), dtype=bool)
         if not self.has_inside or not len(points):
             return inside
         turned = points @ _TURN
-        mesh = np.zeros(len(points), dtype=np.int64) if mesh is None else mesh
-        within = (turned >= self._low[mesh]) & (turned <= self._high[mesh])
+        within = (turned >= self._low) & (turned <= self._high)
         near = np.flatnonzero(within.all(axis=1))
         most = max(1, _BATCH // int(np.diff(self._start).max()))
         for begin in range(0, len(near), most):
             rows = near[begin : begin + most]
-            inside[rows] = self._count(turned[rows], mesh[rows])
+            inside[rows] = self._count(turned[rows])
         return inside
 
-    def _count(self, points: FloatArray, mesh: IndexArray) -> BoolArray:
-        grid = self._grid[mesh]
-        xy = np.floor((points[:, :2] - self._low[mesh, :2]) / self._cell[mesh]).astype(np.int64)
-        xy = np.clip(xy, 0, grid[:, None] - 1)
-        cell = self._begin[mesh] + xy[:, 0] * grid + xy[:, 1]
+    def _count(self, points: FloatArray) -> BoolArray:
+        grid = self._grid
+        xy = np.floor((points[:, :2] - self._low[:2]) / self._cell).astype(np.int64)
+        xy = np.clip(xy, 0, grid - 1)
+        cell = xy[:, 0] * grid + xy[:, 1]
         count = self._start[cell + 1] - self._start[cell]
         row, step = numbered(count)
         face = self._members[self._start[cell][row] + step]

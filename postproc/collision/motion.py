@@ -23,9 +23,9 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray, numbered, renumbered, taken
 from postproc.collision.check import NO_PAIR, chunks
-from postproc.collision.cull import SLACK
 from postproc.collision.engine import CHUNK, Candidates, Engine
 from postproc.collision.sweep import Sway
+from postproc.collision.tree import SLACK
 from postproc.records import dataclass
 
 RESOLUTION = 1e-3
@@ -44,7 +44,9 @@ _SHORT = 0.05
 _FEW = 4
 """Motions of a track that are looked at as one where all of it is not free."""
 _WORTH = 0.05
-"""Share of a span that a cheap bound must prove, else the exact distance is taken."""
+"""Share of a span that a bound from boxes must prove, else the solids are looked at."""
+_CLOSE = 1e-4
+"""So near [m] to what they must keep the triangles of solids are looked at, not only hulls."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -319,9 +321,7 @@ class MotionCheck:
         engine = self._engine
         placed = engine.place(q)
         approach = engine.sweep.of_pairs(placed, sway)
-        found = engine.candidates(
-            placed, approach + engine.table.margin[:, None], wanted, fine=True
-        )
+        found = engine.candidates(placed, approach + engine.table.margin[:, None], wanted)
         return found, approach[found.near.pair, found.near.row]
 
     def _near_among(
@@ -338,18 +338,30 @@ class MotionCheck:
         )
         return found, approach[at]
 
-    def _gaps(self, found: Candidates, moves: FloatArray) -> FloatArray:
-        """Return how far (k,) [m] pairs are apart beyond their margin: exactly, where it matters.
+    def _gaps(
+        self,
+        found: Candidates,
+        moves: FloatArray,
+        worth: float = _WORTH,
+        exact: BoolArray | None = None,
+    ) -> FloatArray:
+        """Return how far (k,) [m] pairs are apart beyond their margin, or a bound that serves.
 
         Args:
             found: the pairs.
-            moves: (k,) [m] how far each can approach; a bound that proves a small share is enough.
+            moves: (k,) [m] how far each can approach.
+            worth: share of it that the bound from boxes must prove to be good enough.
+            exact: (k,) where no bound is enough that leaves open whether they meet; None: nowhere.
         """
         near = found.near
         margin = self._engine.table.margin[near.pair]
         gap: FloatArray = near.bound - margin
-        unclear = np.flatnonzero((gap <= _WORTH * moves) | found.meets)
-        gap[unclear] = self._engine.distances(found, unclear) - margin[unclear]
+        unclear = np.flatnonzero(gap <= worth * moves + SLACK)
+        margin, enough = margin[unclear], (margin + moves)[unclear] + SLACK
+        low = margin + _CLOSE
+        if exact is not None:
+            low[exact[unclear]] = enough[exact[unclear]]
+        gap[unclear] = self._engine.distances(found, unclear, enough, low, margin) - margin
         return gap
 
     def _cut(

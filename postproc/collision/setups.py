@@ -13,8 +13,8 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.cell import Cell, Workpiece
-from postproc.collision.exact import ExactTests
-from postproc.collision.inside import InsideTest, parts_of, probes_of
+from postproc.collision.distance import Distances
+from postproc.collision.inside import parts_of
 from postproc.collision.mesh import Mesh, normals_of, solid
 from postproc.units import MM
 
@@ -70,18 +70,10 @@ def _boxes_meet(one: Mesh, two: Mesh) -> bool:
 
 def _share_space(one: Mesh, two: Mesh) -> bool:
     """Return whether surfaces meet or one solid lies inside the other."""
-    index = np.array([0]), np.array([1])
-    R, p = np.eye(3)[None], np.zeros((1, 3))
-    if len(ExactTests([one, two]).collide(*index, R, p, np.array([0]))):
-        return True
-    return _inside(one, two) or _inside(two, one)
-
-
-def _inside(mesh: Mesh, other: Mesh) -> bool:
-    test = InsideTest(other, parts_of(other))
-    if not test.has_inside:
-        return False
-    return bool(test.contains(probes_of(mesh, parts_of(mesh))).any())
+    meshes, zero = [one, two], np.zeros(1)
+    pair, place = (np.array([0]), np.array([1])), (np.eye(3)[None], np.zeros((1, 3)))
+    distances = Distances(meshes, [parts_of(mesh) for mesh in meshes])
+    return bool(distances.distance(*pair, *place, zero, zero)[0] <= 0.0)
 
 
 def _inset(mesh: Mesh) -> Mesh:

@@ -19,7 +19,7 @@ def run(arguments, capsys):
 def test_help_loads_no_numbers():
     code = (
         "import sys; from postproc.cli import app; code = app.run(['--help'])\n"
-        "heavy = {'numpy', 'scipy', 'trimesh', 'pinocchio', 'fcl', 'lxml', 'pydantic', 'rich'}\n"
+        "heavy = {'numpy', 'scipy', 'trimesh', 'pinocchio', 'coal', 'lxml', 'pydantic', 'rich'}\n"
         "assert code == 0\nassert not heavy & set(sys.modules), heavy & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)

@@ -102,19 +102,3 @@ def test_parts_and_their_probes():
     probes = probes_of(crowd, parts_of(crowd))
     assert len(probes) == MOST_PROBES
     assert np.rint(probes[:, 0]).min() == 80 - MOST_PROBES
-
-
-def test_several_meshes_at_once_as_each_by_itself():
-    meshes = [SOLIDS[name] for name in sorted(SOLIDS)]
-    opened = Mesh(meshes[0].vertices, meshes[0].faces[1:])
-    tests = [InsideTest(mesh, parts_of(mesh)) for mesh in (opened, *meshes, opened)]
-    which = np.random.default_rng(5).integers(0, len(tests), 4000)
-    points = np.empty((4000, 3))
-    for number, mesh in enumerate((meshes[0], *meshes, meshes[0])):
-        points[which == number] = in_the_bounds(mesh, int((which == number).sum()), seed=6)
-    found = InsideTest.joined(tests).contains(points, which)
-    for number, mesh in enumerate(meshes, start=1):
-        own = which == number
-        assert np.array_equal(found[own], np.rint(winding_number(mesh, points[own])) != 0)
-        assert found[own].any()
-    assert not found[(which == 0) | (which == len(tests) - 1)].any()

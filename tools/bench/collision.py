@@ -1,9 +1,9 @@
-"""Collision checks per second on the shared workload scene, beside fcl and coal in one run.
+"""Collision checks per second on the shared workload scene, beside coal in one run.
 
     python -m tools.bench collision [--holes 1000] [--count 20000] [--hard] [--panel 200000]
 
 Configurations are IK candidates within limits (36 spins, all branches) of the holes, and uniformly
-random ones. All three judge the same pairs of the same meshes; their answers are compared.
+random ones. Both judge the same pairs of the same meshes; their answers are compared.
 """
 
 from __future__ import annotations
@@ -14,12 +14,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 import coal
-import fcl
 import numpy as np
 import pinocchio as pin
 
 from postproc.cell import Cell
-from postproc.collision.bodies import WORLD, Body
+from postproc.collision.bodies import Body
 from postproc.collision.check import Tally
 from postproc.collision.mesh import Mesh, load_mesh
 from postproc.collision.scene import Scene
@@ -57,20 +56,16 @@ def main() -> None:
 
 
 def compare(name: str, scene: Scene, arm: Kinematics, q: np.ndarray) -> None:
-    """Time the three on the same configurations and compare their answers."""
+    """Time both on the same configurations and compare their answers."""
     tally = Tally()
     ours, speed = timed(lambda rows: scene.check(rows).hit, q)
     scene.check(q, tally=tally)
     share = 1.0 - tally.exact / tally.pairs
-    print(f"{name}: {ours.mean():.2%} of {len(q)} collide; culled without fcl {share:.3%}")
+    print(f"{name}: {ours.mean():.2%} of {len(q)} collide; culled by boxes {share:.3%}")
     print(f"  {'postproc':<34}{speed:>10,.0f} /s")
-    for label, check, most in (
-        ("python-fcl, loop over pairs", FclLoop(scene, arm).check, 1000),
-        ("pinocchio + coal, computeCollisions", CoalModel(scene, arm).check, 4000),
-    ):
-        answer, other = timed(check, q[:most])
-        wrong = int((answer != ours[:most]).sum())
-        print(f"  {label:<34}{other:>10,.0f} /s   {speed / other:5.1f}x   {wrong} disagree")
+    answer, other = timed(CoalModel(scene, arm).check, q[:4000])
+    wrong, label = int((answer != ours[:4000]).sum()), "pinocchio + coal, computeCollisions"
+    print(f"  {label:<34}{other:>10,.0f} /s   {speed / other:5.1f}x   {wrong} disagree")
 
 
 def motions(scene: Scene, q: np.ndarray) -> None:
@@ -93,36 +88,6 @@ def timed(check: Callable[[np.ndarray], np.ndarray], q: np.ndarray) -> tuple[np.
     answers = []
     speed = rate(lambda: answers.append(check(q)), len(q))
     return answers[0], speed
-
-
-class FclLoop:
-    """What one would write with python-fcl alone: every pair of every configuration."""
-
-    def __init__(self, scene: Scene, arm: Kinematics) -> None:
-        self._arm = arm
-        self._links = [body.link for body in tested_bodies(scene)]
-        self._objects = []
-        for body in tested_bodies(scene):
-            model = fcl.BVHModel()
-            model.beginModel(len(body.vertices), len(body.faces))
-            model.addSubModel(np.array(body.vertices), np.array(body.faces))
-            model.endModel()
-            self._objects.append(fcl.CollisionObject(model))
-        self._pairs = index_pairs(scene)
-
-    def check(self, q: np.ndarray) -> np.ndarray:
-        """Return (n,) whether anything collides."""
-        request, result = fcl.CollisionRequest(), fcl.CollisionResult()
-        hits = np.zeros(len(q), dtype=bool)
-        for row, frames in enumerate(self._arm.link_frames(q)):
-            for link, thing in zip(self._links, self._objects, strict=True):
-                if link != WORLD:
-                    thing.setTransform(fcl.Transform(frames[link, :3, :3], frames[link, :3, 3]))
-            hits[row] = any(
-                fcl.collide(self._objects[a], self._objects[b], request, result)
-                for a, b in self._pairs
-            )
-        return hits
 
 
 class CoalModel:
