@@ -89,6 +89,7 @@ class RunKind(StrEnum):
     EVENT = "event"
     SPINDLE = "spindle"
     ADVANCE = "advance"
+    ENTRY = "entry"
     TOOL = "tool"
     WORD = "word"
 

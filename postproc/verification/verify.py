@@ -15,7 +15,8 @@ Nothing of the planner or the emitter is used: text in, answer out. Kinds of vio
   ``speed``: what the file says of single motions; ``tool``: another tool or base is selected than
   the file means; ``word``: what the CAM file asks for and no program
   does;
-- ``advance``: what the advance run lets happen too early; ``spindle``: it stands or turns the wrong
+- ``advance``: what the advance run lets happen too early; ``entry``: a joint or rapid motion that
+  ends in a cut; ``spindle``: it stands or turns the wrong
   way in a cut, or still turns at the end.
 
 With a model of the arm (``displacement``) it is the real tool that is compared with the CAM file.
@@ -60,6 +61,7 @@ from postproc.verification.cam import (
     check_profiles,
     compare_served,
     in_program_order,
+    leads_in,
 )
 from postproc.verification.capacity import check_capacity
 from postproc.verification.checks import (
@@ -72,6 +74,7 @@ from postproc.verification.checks import (
 from postproc.verification.collisions import check_collisions
 from postproc.verification.corners import blended, check_corners, corners_of
 from postproc.verification.coverage import coverage_of
+from postproc.verification.entries import check_entries
 from postproc.verification.report import Remark, Result, Run, VerifyReport, in_order
 from postproc.verification.settings import check_rapids, check_settings
 from postproc.verification.spindle import check_spindle
@@ -145,7 +148,10 @@ def verify(
         check_rapids(result, cell, is_cut)
         check_held(result, cell, is_cut)
     number = np.where(cuts, 0, -1) if comparison is None else comparison.cut_of
-    result.add(_within(cell, Cuts.of(paths, number, asked), paths))
+    led = None
+    if comparison is not None and toolpath is not None:
+        led = leads_in(paths, cell, toolpath, comparison.served, comparison.latest)
+    result.add(_within(cell, Cuts.of(paths, number, asked), paths, led))
     accepted = may_stand(toolpath, cell)
     check_spindle(result, cell, is_cut, accepted=accepted, needs_start=needs_start)
     report(3, 4, "collisions")
@@ -173,8 +179,9 @@ def _asked_of(result: Result, toolpath: ToolPath, cell: Cell) -> tuple[ToolPath,
     return holes_served(toolpath, cell), needs_start
 
 
-def _within(cell: Cell, cuts: Cuts, paths: Paths) -> Iterator[Remark]:
+def _within(cell: Cell, cuts: Cuts, paths: Paths, led: BoolArray | None) -> Iterator[Remark]:
     """Yield what is said of a run and its cuts alone."""
+    yield from check_entries(paths, cell, cuts, led)
     yield from check_between(paths, cuts)
     yield from check_advance(paths, cell)
 

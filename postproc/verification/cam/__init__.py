@@ -2,6 +2,7 @@
 
 from postproc.verification.cam.comparison import Comparison, Tolerances
 from postproc.verification.cam.events import check_events
+from postproc.verification.cam.leaving import leads_in
 from postproc.verification.cam.order import compare_served, in_program_order
 from postproc.verification.cam.profiles import check_profiles
 
@@ -12,4 +13,5 @@ __all__ = [
     "check_profiles",
     "compare_served",
     "in_program_order",
+    "leads_in",
 ]

@@ -12,8 +12,9 @@ from postproc.arrays import AnyIntArray, BoolArray
 from postproc.cell import Cell
 from postproc.controller import MotionType
 from postproc.errors import RunKind
-from postproc.model import MotionKind, ToolPath
-from postproc.process import ALONG_AXIS, MACHINING_SPEED, back_off, in_material
+from postproc.model import CUTS, MotionKind, ToolPath
+from postproc.paths import Paths
+from postproc.process import ALONG_AXIS, MACHINING_SPEED, back_off, claimed, in_material
 from postproc.units import MM
 from postproc.verification.report import Result
 
@@ -52,6 +53,27 @@ def check_leaving(
         if bad is not None:
             text = "a rapid begins at the end of a cut: the tool has not backed off along its axis"
             result.finding(RunKind.RETRACT, bad, text)
+
+
+def leads_in(
+    paths: Paths, cell: Cell, toolpath: ToolPath, served: AnyIntArray, latest: AnyIntArray
+) -> BoolArray:
+    """Return (m,) motions that end where the CAM file leads into a cut, or says no way to it.
+
+    Args:
+        paths: what is run.
+        cell: which tool and base each tag means.
+        toolpath: what was asked for, n tags.
+        served: (n,) motion that goes to each tag, -1 for none.
+        latest: (n,) the last motion that may be meant.
+    """
+    kind = np.asarray(toolpath.kind)
+    open_ = ~np.isin(kind, CUTS)
+    open_[[stretch.low for stretch in claimed(toolpath, cell).stretches()]] = True
+    led = np.zeros(len(paths), dtype=np.bool_)
+    for motions in (served, latest):
+        led[motions[open_ & (motions >= 0)]] = True
+    return led
 
 
 def _as_asked(
