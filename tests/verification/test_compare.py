@@ -401,8 +401,9 @@ def test_events_in_their_place(cell):
     assert kinds(check(cell, toolpath, *early)) == {"event"}
     late = [FIRST, REST[0], REST[1], "PP_SPINDLE_ON(3000)", *REST[2:], "PP_SPINDLE_OFF()"]
     assert kinds(check(cell, toolpath, *late)) == {"event", "spindle"}
-    speed = [FIRST, "PP_SPINDLE_ON(300)", *REST, "PP_SPINDLE_OFF()"]
-    assert kinds(check(cell, toolpath, *speed)) == {"event"}
+    for rpm in (300, 3000.9):
+        speed = [FIRST, f"PP_SPINDLE_ON({rpm})", *REST, "PP_SPINDLE_OFF()"]
+        assert kinds(check(cell, toolpath, *speed)) == {"event"}
     none = check(cell, toolpath, FIRST, *REST)
     assert kinds(none) == {"event"}
     assert len(none.violations) == 2
@@ -443,6 +444,14 @@ def test_dwells_between_points(cell):
     assert kinds(check(cell, toolpath, *there)) == set()
     elsewhere = [*cuts(*SQUARE[:2]), "WAIT SEC 1.5", *cuts(*SQUARE[2:])]
     assert kinds(check(cell, toolpath, *elsewhere)) == {"dwell"}
+
+
+def test_a_dwell_at_the_end_of_a_cut_is_there(cell):
+    toolpath = with_events(Event(5, EventKind.DWELL, 0.5, "", 9))
+    x, y, z = SQUARE[-1]
+    wait, up = "WAIT SEC 0.5", cuts((x - 50, y, z))
+    assert kinds(check(cell, toolpath, FIRST, *REST, wait, *up)) == set()
+    assert kinds(check(cell, toolpath, FIRST, *REST, *up, wait)) == {"dwell"}
 
 
 def test_hooks_may_have_other_names(tmp_path):

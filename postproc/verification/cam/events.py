@@ -17,7 +17,8 @@ from postproc.arrays import AnyIntArray
 from postproc.cell import Cell
 from postproc.controller import EventWord, TraceEvent
 from postproc.errors import RunKind, Severity
-from postproc.model import Event, EventKind, ToolPath
+from postproc.model import CUTS, Event, EventKind, ToolPath
+from postproc.paths import Paths
 from postproc.process import coolant_mode, hole_calls
 from postproc.units import DEG, RPM
 from postproc.verification.cam.comparison import Comparison
@@ -58,7 +59,7 @@ def check_events(
     Returns:
         Places in ``trace.events`` of what the file asks for.
     """
-    spans = _Spans(found.served, found.latest, len(result.paths))
+    spans = _Spans(found.served, found.latest, result.paths, toolpath)
     names = {kind: name.upper() for kind, name in cell.krl.hooks.items()}
     everything = _asked(toolpath, cell, spans)
     steps = check_steps(result, cell, toolpath, found.served)
@@ -90,7 +91,7 @@ def _dwells(result: Result, toolpath: ToolPath, spans: _Spans, found: Comparison
     allowed = np.zeros(len(result.paths) + 2, dtype=np.bool_)
     for event in toolpath.events:
         if event.kind is EventKind.DWELL:
-            span = spans.of(event)
+            span = spans.of_dwell(event)
             allowed[span.first : span.last + 1] = True
     bottoms = (found.wanted.dwell > 0.0) & (found.served >= 0)
     allowed[found.served[bottoms] + 1] = True
@@ -136,7 +137,10 @@ def _calls(result: Result, kind: EventKind, name: str) -> list[TraceEvent]:
 class _Spans:
     """Where in the program an event of the file belongs."""
 
-    def __init__(self, served: AnyIntArray, latest: AnyIntArray, count: int) -> None:
+    def __init__(
+        self, served: AnyIntArray, latest: AnyIntArray, paths: Paths, toolpath: ToolPath
+    ) -> None:
+        count = len(paths)
         known = np.where(served >= 0, served, -1)
         self._before = np.r_[0, np.maximum.accumulate(known) + 1] if len(known) else np.zeros(1)
         repeated = np.r_[False, served[1:] == served[:-1]]
@@ -144,11 +148,24 @@ class _Spans:
         behind = np.minimum.accumulate(later[::-1])[::-1] if len(later) else later
         self._behind = np.r_[behind, count]
         self._served, self._latest = served, latest
+        self._is_cut = np.isin(np.asarray(toolpath.kind), CUTS)
+        self._first = {event.index: event for event in reversed(toolpath.events)}
+        moves = np.where(paths.stands, count, np.arange(count))
+        self._moves = np.append(np.minimum.accumulate(moves[::-1])[::-1], count)
 
     def of(self, event: Event) -> Span:
         """Return the span of an event."""
         index = min(max(event.index, 0), len(self._behind) - 1)
         return Span(int(self._before[index]), int(self._behind[index]))
+
+    def of_dwell(self, event: Event) -> Span:
+        """Return the span of a dwell; one at the end of a cut is over before the tool moves on."""
+        span, tag = self.of(event), event.index - 1
+        is_end = tag >= 0 and bool(self._is_cut[tag]) and self._served[tag] >= 0
+        if not is_end or self._first[event.index] is not event:
+            return span
+        behind = max(int(self._served[tag]), int(self._latest[tag])) + 1
+        return Span(span.first, min(span.last, int(self._moves[behind])))
 
     def at_bottom(self, tag: int) -> Span:
         """Return the span between the bottom of a hole and the way out."""
@@ -198,7 +215,7 @@ def _difference(kind: EventKind, words: str, event: Event, call: TraceEvent, spa
         return f"coolant {call.value:g}, line {event.line} asks for {asked} ({event.text})"
     if kind in (EventKind.SPINDLE_ON, EventKind.TAP_REVERSE) and event.value:
         rpm = event.value / RPM
-        if not math.isclose(call.value, rpm, rel_tol=1e-3, abs_tol=1e-3):
+        if not math.isclose(call.value, rpm, rel_tol=1e-6, abs_tol=1e-3):
             return f"spindle speed {call.value:g} 1/min, line {event.line} asks for {rpm:g}"
     if kind is EventKind.SPINDLE_ORIENT and not math.isclose(
         call.value, event.value / DEG, abs_tol=1e-3
@@ -223,7 +240,7 @@ def _compare_dwells(
     asked: dict[Span, list[Event]] = {}
     for event in toolpath.events:
         if event.kind is EventKind.DWELL:
-            asked.setdefault(spans.of(event), []).append(event)
+            asked.setdefault(spans.of_dwell(event), []).append(event)
     for span, dwells in asked.items() if len(result.paths) else ():
         inside = [wait for wait in waits if span.first <= wait.motion <= span.last]
         alike: dict[object, list[Event]] = {}

@@ -16,8 +16,8 @@ from postproc.units import MM, MM_PER_MIN, RPM
 from postproc.verification.report import Result
 
 _LISTED = 20
-_SHARE = 1e-3
-"""A number may differ by this share, and by this much."""
+_DIGITS = 1e-3
+"""A number may differ by this much: the digits of a text."""
 
 
 def check_steps(
@@ -101,7 +101,7 @@ def _difference(call: TraceEvent, name: str, event: Event) -> str:
         return f"{name} gets {len(have)} arguments at {hole}, expected {len(asked)}"
     for what, is_, should in zip(("number", "depth", "feed", "speed"), have, asked, strict=True):
         if not isinstance(is_, int | float) or not math.isclose(
-            float(is_), should, rel_tol=_SHARE, abs_tol=_SHARE
+            float(is_), should, rel_tol=1e-6, abs_tol=_DIGITS
         ):
             return f"{name} gets {what} {is_} at {hole}, expected {should:g}"
     return ""
