@@ -31,6 +31,7 @@ from postproc.files import remove_files, write_files
 from postproc.jobs.arm_doubts import warned_doubts
 from postproc.jobs.joint_targets import with_joint_targets
 from postproc.jobs.trade import Outcome, lost_percent, outcomes
+from postproc.jobs.unit_doubts import check_units
 from postproc.kinematics import build
 from postproc.model import ModelFile, Plan, ToolPath, load_model
 from postproc.planning import PlanOptions, grade_counts, near_solids, settle, tag_clearances
@@ -220,7 +221,9 @@ def read_toolpath(request: ConvertRequest, cell: Cell) -> ToolPath:
     toolpath = read(request.source, request.format or habits.format, options)
     if np.isnan(toolpath.axes).any() and len(cell.tools) == 1:
         cell.tool.axis  # noqa: B018 - asks for the axis that the file's orientations need
-    return with_orientation(with_joint_targets(toolpath, cell), cell)
+    toolpath = with_orientation(with_joint_targets(toolpath, cell), cell)
+    check_units(toolpath, cell)
+    return toolpath
 
 
 def _known_axis(cell: Cell) -> FloatArray:

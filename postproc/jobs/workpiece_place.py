@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from postproc.arrays import FloatArray, IndexArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.cell import Cell, require_numbers
 from postproc.errors import CellError, SourceRef
 from postproc.geometry import across, inverse, kuka_from_transform, transform, transform_from_kuka
@@ -98,6 +98,13 @@ def workpiece_place(
         where,
         "take a larger arm, or another tool frame; several setups need a place each",
     )
+
+
+def reached(toolpath: ToolPath, tags: IndexArray, cell: Cell) -> BoolArray:
+    """Return (k,) whether the arm reaches the distinct ones of some tags where the part stands."""
+    job = _Job.of(toolpath, tags, cell, build(cell.robot))
+    each = (job.rows(np.array([row])) for row in range(len(job.points)))
+    return np.array([one.margin(cell.workpiece.T_robroot_base) > 0.0 for one in each])
 
 
 @dataclass(frozen=True, slots=True)

@@ -64,7 +64,9 @@ def finished_toolpath(state: AptState, path: str) -> ToolPath:
         dialect=state.dialect.name,
         units=state.units,
         assumed=tuple(
-            f"lengths in {state.units}" for w in state.faults.warnings if w.code == "APT110"
+            f"lengths in {w.message.partition('read in ')[2]}"
+            for w in state.faults.warnings
+            if w.code == "APT110"
         ),
         points=table.points,
         axes=table.axes,

@@ -12,6 +12,7 @@ Heights of a hole without columns of its own: the feed starts 2 mm above the poi
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import field
 from itertools import accumulate
 from pathlib import Path
@@ -53,11 +54,13 @@ from postproc.units import INCH_PER_MIN, MM, Dimension
 
 FAR_AWAY = 50.0
 """Farther from the origin than this [m] no workpiece of a robot cell lies."""
+WORK = frozenset({"depth", "diameter", "feed", "spindle", "peck", "dwell"})
+"""nor those that differ in these numbers, which say what is done there."""
 SEPARATORS = (";", "\t", ",", " ")
 MODAL_TEXTS = frozenset({"motion", "tool", "base", "sense"})
 """An empty field of these repeats the row before."""
 KEYS = ("operation", "tool", "base")
-"""Rows of one name that differ in these are not repeated measurements."""
+"""Rows of one name that differ in these names are not repeated measurements,"""
 _ASSUMED = {
     Dimension.LENGTH: "lengths in mm",
     Dimension.ANGLE: "angles in degrees",
@@ -253,7 +256,8 @@ def _toolpath(
     points = np.column_stack([data.numbers[role] for role in POSITION])
     names, operations = data.texts.get("id"), data.texts.get("operation")
     rows: IndexArray | slice = slice(None)
-    others = [data.texts[role] for role in KEYS if role in data.texts]
+    others: list[Sequence[object]] = [data.texts[role] for role in KEYS if role in data.texts]
+    others += [np.nan_to_num(v, nan=-1.0).tolist() for r, v in data.numbers.items() if r in WORK]
     merged = merged_repeats(names, others, points, data.line, faults) if names else None
     if merged is not None:
         points, rows = merged

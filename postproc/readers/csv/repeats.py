@@ -15,13 +15,13 @@ SPREAD = 1.0 * MM
 
 
 def merged_repeats(
-    names: list[str], others: Sequence[list[str]], points: FloatArray, line: IntArray,
+    names: list[str], others: Sequence[Sequence[object]], points: FloatArray, line: IntArray,
     faults: Faults,
 ) -> tuple[FloatArray, IndexArray] | None:  # fmt: skip
     """Return the mean point of each name and the first row of each, None if no name repeats.
 
     Rows without a name stay as they are, and one hole may stand in several operations, with several
-    tools and in several bases.
+    tools, depths or speeds, and in several bases.
 
     Args:
         names: of the n rows.

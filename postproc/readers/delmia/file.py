@@ -56,6 +56,7 @@ _KINDS = {
 }  # fmt: skip
 _EVENTS = {"signal": EventKind.SIGNAL, "wait": EventKind.WAIT_SIGNAL, "delay": EventKind.DWELL}
 _VIA = frozenset({"circularvia", "circularviamotion"})
+_IN_NO_TABLE = "an element, attribute or value in no table of OLP files"
 _NOT_DONE = "an activity that is not carried out"
 _NONE = -1
 
@@ -176,11 +177,17 @@ def _toolpath(path: _Path, document: Document, options: ReadOptions, faults: Fau
         setups=setups,
         names=tuple(m.name for m in motions),
         extra={"tag_group": tuple(m.group for m in motions)},
-        unknown_words={kind: len(lines) for kind, lines in sorted(path.unknown.items())},
+        unknown_words={
+            kind: len(lines) for kind, lines in sorted({**document.strange, **path.unknown}.items())
+        },
         word_uses=(
             *(
                 WordUse(kind, WordClass.PROCESS, tuple(lines), _NOT_DONE, True)
                 for kind, lines in path.unknown.items()
+            ),
+            *(
+                WordUse(word, WordClass.UNKNOWN, tuple(lines), _IN_NO_TABLE, True)
+                for word, lines in document.strange.items()
             ),
             *profiles.uses(),
         ),

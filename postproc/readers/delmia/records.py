@@ -102,6 +102,8 @@ class Document:
     robot: RobotData = field(default_factory=RobotData)
     tasks: dict[str, list[Item]] = field(default_factory=dict)
     task_lines: dict[str, int] = field(default_factory=dict)
+    strange: dict[str, list[int]] = field(default_factory=dict)
+    """Lines of elements, attributes and values that stand in no table, by their name."""
 
 
 def pose(xyz: tuple[float, ...], rpy: tuple[float, ...]) -> FloatArray:

@@ -12,6 +12,7 @@ from typing import BinaryIO
 from lxml import etree
 
 from postproc.files import open_input
+from postproc.readers.delmia.known import Strange
 from postproc.readers.delmia.records import (
     N_JOINTS,
     NAN,
@@ -26,16 +27,8 @@ from postproc.readers.delmia.records import (
     pose,
 )
 from postproc.readers.text import Faults, check_text, parse_number
-from postproc.units import DEG, INCH, INCH_PER_MIN, MM, MM_PER_MIN, PERCENT
+from postproc.units import Dimension, unit_named
 
-_LENGTHS = {"m": 1.0, "mm": MM, "in": INCH, "inch": INCH, "cm": 10.0 * MM}
-_ANGLES = {"deg": DEG, "rad": 1.0}
-_JOINTS = {**_ANGLES, **_LENGTHS}
-_SPEEDS = {
-    "m/s": 1.0, "cm/s": 10.0 * MM, "mm/s": MM, "m/min": MM_PER_MIN / MM, "mm/min": MM_PER_MIN,
-    "in/s": INCH, "inch/s": INCH, "in/min": INCH_PER_MIN, "inch/min": INCH_PER_MIN,
-}  # fmt: skip
-_SHARES = {"%": PERCENT}
 _BASES = ("percent", "absolute", "time")
 _MOST_BYTES = 1 << 23
 """No part of a file as long as this is without a finished activity or list."""
@@ -135,6 +128,7 @@ def read_document(path: str, faults: Faults) -> Document:
     if root is None or root.tag != _ROOT:
         tag = "nothing" if root is None else str(root.tag)[:40]
         raise faults.error("DEL003", f"the root element is {tag}, expected {_ROOT}", 1)
+    Strange(document.strange, _line).look(root)
     return document
 
 
@@ -149,6 +143,8 @@ def _walk(events: etree.iterparse, checked: _Checked, document: Document, faults
         element.clear()
         parent = element.getparent()
         while parent is not None and element.getprevious() is not None:
+            if parent[0].tag != "Activity":
+                reader.strange.look(parent[0])
             del parent[0]
 
 
@@ -162,6 +158,7 @@ class _ElementReader:
         self._items: list[Item] = []
         self._has_tasks = False
         self._bases: dict[tuple[str, ...], tuple[float, ...]] = {}
+        self.strange = Strange(document.strange, _line)
 
     def take(self, element: etree._Element) -> None:
         """Take one element of ``_TAGS``."""
@@ -175,6 +172,8 @@ class _ElementReader:
             "ObjectFrameProfileList": self._objects,
             "Resource": self._resource,
         }[str(element.tag)]
+        if element.tag != "Activity" or not self._is_other(element):
+            self.strange.look(element)
         handler(element)
 
     def _general(self, element: etree._Element) -> None:
@@ -182,7 +181,7 @@ class _ElementReader:
         self._robot.coordinates = _text(element.find("DownloadCoordinates"))
         speed = element.find("MaxSpeed")
         if speed is not None and _text(speed):
-            self._robot.max_speed = self._positive(_text(speed), speed, _SPEEDS)
+            self._robot.max_speed = self._positive(_text(speed), speed, Dimension.SPEED)
 
     def _tools(self, element: etree._Element) -> None:
         self._robot.tools = [_text(profile.find("Name")) for profile in element.iter("ToolProfile")]
@@ -198,9 +197,10 @@ class _ElementReader:
             return MotionProfile(is_timed=True)
         speed = self._child(profile, "Speed")
         value = speed.get("Value", "")
-        if speed.get("Units") not in _SHARES:
-            return MotionProfile(speed=self._positive(value, speed, {**_SPEEDS, **_SHARES}))
-        share = self._positive(value, speed, _SHARES)
+        unit = unit_named(speed.get("Units", ""))
+        if unit is None or unit.dimension is not Dimension.SHARE:
+            return MotionProfile(speed=self._positive(value, speed, Dimension.SPEED))
+        share = self._positive(value, speed, Dimension.SHARE)
         if share > 1.0:
             raise self._faults.error("DEL004", "Speed is above 100 %", _line(speed), value)
         return MotionProfile(share=share)
@@ -216,7 +216,7 @@ class _ElementReader:
         kind = self._choice(profile, "AccuracyType", ("distance", "speed"))
         value = self._child(profile, "AccuracyValue")
         size = self._number(value.get("Value", ""), value)
-        size *= self._unit(value, _LENGTHS if kind == "distance" else _SHARES)
+        size *= self._unit(value, Dimension.LENGTH if kind == "distance" else Dimension.SHARE)
         if not 0.0 <= size < _WIDEST:
             text = f"AccuracyValue is not from 0 to {_WIDEST:g} m or 100 %"
             raise self._faults.error("DEL004", text, _line(value), value.get("Value", ""))
@@ -265,6 +265,13 @@ class _ElementReader:
         else:
             name = _text(element.find("ActivityName"))
             self._items.append(OtherActivity(_line(element), kind or "Activity", name))
+
+    @staticmethod
+    def _is_other(activity: etree._Element) -> bool:
+        """Return whether an activity is of a type that is not carried out: refused as a whole."""
+        kind = activity.get("ActivityType", "")
+        moves = activity.find("Target") is not None or activity.find("JointTarget") is not None
+        return not moves and kind not in (_CALL, _MOTION, *_STATEMENTS)
 
     def _is_told(self, element: etree._Element, kind: str) -> bool:
         """Return whether an activity says what it does; else it is one without a meaning here."""
@@ -361,18 +368,18 @@ class _ElementReader:
                 self._faults.warn("DEL120", "positions of external axes are left out", _line(joint))
                 continue
             value = self._number(_text(self._child(joint, "JointValue")), joint)
-            found[int(number)] = value * self._unit(joint, _JOINTS)
+            found[int(number)] = value * self._unit(joint, Dimension.ANGLE, Dimension.LENGTH)
         return tuple(found.get(i, NAN) for i in range(1, N_JOINTS + 1))
 
     def _xyz(self, element: etree._Element) -> tuple[float, float, float]:
-        unit, get = self._unit(element, _LENGTHS), element.get
+        unit, get = self._unit(element, Dimension.LENGTH), element.get
         x = self._number(get("X", ""), element)
         y = self._number(get("Y", ""), element)
         z = self._number(get("Z", ""), element)
         return x * unit, y * unit, z * unit
 
     def _rpy(self, element: etree._Element) -> tuple[float, float, float]:
-        unit, get = self._unit(element, _ANGLES), element.get
+        unit, get = self._unit(element, Dimension.ANGLE), element.get
         roll = self._number(get("Roll", ""), element)
         pitch = self._number(get("Pitch", ""), element)
         yaw = self._number(get("Yaw", ""), element)
@@ -386,8 +393,8 @@ class _ElementReader:
             )
         return value
 
-    def _positive(self, text: str, element: etree._Element, units: dict[str, float]) -> float:
-        value = self._number(text, element) * self._unit(element, units)
+    def _positive(self, text: str, element: etree._Element, dimension: Dimension) -> float:
+        value = self._number(text, element) * self._unit(element, dimension)
         if not value > 0.0:
             raise self._faults.error(
                 "DEL004", f"{element.tag} is not above zero", _line(element), text
@@ -403,15 +410,16 @@ class _ElementReader:
             raise self._faults.error("DEL004", text, _line(child), word or "nothing")
         return word
 
-    def _unit(self, element: etree._Element, known: dict[str, float]) -> float:
+    def _unit(self, element: etree._Element, *dimensions: Dimension) -> float:
         name = element.get("Units", "")
-        if name not in known:
-            expected = ", ".join(known)
+        unit = unit_named(name)
+        if unit is None or unit.dimension not in dimensions:
+            expected = " or ".join(dimensions)
             raise self._faults.error(
-                "DEL004", f"{element.tag} has Units {name[:20]!r}, expected {expected}",
+                "DEL004", f"{element.tag} has Units {name[:20]!r}, expected one of {expected}",
                 _line(element),
             )  # fmt: skip
-        return known[name]
+        return unit.factor
 
     def _child(self, element: etree._Element, tag: str) -> etree._Element:
         child = element.find(tag)
