@@ -29,6 +29,7 @@ def line(count, step, speed, blend="C_DIS", push=2.3):
 
 def test_points_that_follow_faster_than_the_controller_plans(cell):
     """1 mm at 0.08 m/s is 12.5 ms, at 0.1 m/s 10 ms: 12 ms are assumed for each."""
+    cell = replace(cell, accept=("$ACC.CP",))
     assert "block_rate" not in warned(cell, *line(60, 1.0, 0.08, push=20.0))
     message = warned(cell, *line(60, 1.0, 0.1, push=20.0))["block_rate"]
     assert "100 points per second" in message
