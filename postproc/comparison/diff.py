@@ -15,7 +15,7 @@ from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
 
-from postproc.comparison.lines import Program, differences, program_of
+from postproc.comparison.lines import Compared, Program, differences, program_of
 from postproc.controller import load_program
 from postproc.errors import Finding, KrlError, Severity, SourceRef
 from postproc.krl import KrlModule, load_modules, parse_files, require_sound
@@ -80,6 +80,8 @@ class DiffReport:
     new_motions: int = 0
     modules: tuple[str, ...] = field(default=())
     """Names of the modules that were compared, for folders."""
+    compared: tuple[Compared, ...] = field(default=(), repr=False, compare=False)
+    """The programs, motion by motion."""
 
     @property
     def same(self) -> bool:
@@ -190,20 +192,15 @@ def _program(path: str | Path) -> Program:
 def _report(
     old: str, new: str, pairs: Sequence[tuple[Program, Program]], tolerance: DiffTolerance
 ) -> DiffReport:
-    found: list[Difference] = []
-    for left, right in pairs:
-        found += [
-            Difference(**item)
-            for item in differences(
-                left, right, tolerance.position_mm * MM, tolerance.angle_deg, tolerance.speed
-            )
-        ]
+    limits = tolerance.position_mm * MM, tolerance.angle_deg, tolerance.speed
+    found = [differences(left, right, *limits) for left, right in pairs]
     return DiffReport(
         old,
         new,
-        tuple(found),
+        tuple(Difference(**entry) for entries, _ in found for entry in entries),
         sum(len(left.trace) for left, _ in pairs),
         sum(len(right.trace) for _, right in pairs),
+        compared=tuple(compared for _, compared in found),
     )
 
 
@@ -250,20 +247,17 @@ def _compared(
 ) -> DiffReport:
     """Compare modules by name."""
     found: list[Difference] = []
-    motions = [0, 0]
+    pairs: list[tuple[Program, Program]] = []
     for name in sorted(left.keys() | right.keys()):
         if name not in right:
             found.append(_lost(left[name].module, "is gone", is_old=True))
         elif name not in left:
             found.append(_lost(right[name].module, "is new", is_old=False))
         else:
-            pair = left[name].program, right[name].program
-            report = _report(old, new, [pair], tolerance)
-            found += report.differences
-            motions[0] += report.old_motions
-            motions[1] += report.new_motions
+            pairs.append((left[name].program, right[name].program))
     names = tuple(sorted(left.keys() & right.keys()))
-    return DiffReport(old, new, tuple(found), motions[0], motions[1], names)
+    report = _report(old, new, pairs, tolerance)
+    return replace(report, differences=(*found, *report.differences), modules=names)
 
 
 def _modules(folder: str) -> tuple[dict[str, _Loaded], dict[str, Finding]]:

@@ -10,8 +10,9 @@ import numpy as np
 
 from postproc.arrays import FloatArray, IndexArray
 from postproc.comparison.align import Lines, align
-from postproc.comparison.listing import listing, spaced
-from postproc.comparison.settings import setting_differences
+from postproc.comparison.listing import listing
+from postproc.comparison.settings import StateDifference, state_differences
+from postproc.comparison.texts import AXES, POSE, externals_text, status_text, target_text
 from postproc.controller import Blend, EventWord, Trace, TraceEvent
 from postproc.geometry import rotation_angle, rotation_from_abc
 from postproc.krl import KrlModule
@@ -31,8 +32,7 @@ _EVENT_KINDS = {
     EventWord.OTHER: "other",
 }
 Entry = dict[str, Any]
-_POSE = ("X", "Y", "Z", "A", "B", "C")
-_AXES = ("A1", "A2", "A3", "A4", "A5", "A6")
+Placed = tuple[tuple[int, int], Entry]
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +46,8 @@ class Program:
     """Text of every event, without the digits that do not matter."""
     motion: IndexArray
     event: IndexArray
+    ends: tuple[tuple[str, int, tuple[int, int]], ...]
+    """What is in force behind the last motions; see ``Listing``."""
 
     def place(self, line: int) -> tuple[str, int]:
         """Return file and line in the file."""
@@ -69,7 +71,7 @@ def program_of(modules: Sequence[KrlModule], name: str, inline: bool) -> Program
     order = np.argsort(order, kind="stable")
     motion = np.concatenate([np.arange(m), np.full(k, -1)])[order]
     event = np.concatenate([np.full(m, -1), np.arange(k)])[order]
-    return Program(trace, made.words, made.relative, texts, motion, event)
+    return Program(trace, made.words, made.relative, texts, motion, event, made.ends)
 
 
 def _text(event: TraceEvent, own: str) -> str:
@@ -79,8 +81,6 @@ def _text(event: TraceEvent, own: str) -> str:
         name = "*" + name[len(own) :] if name.upper().startswith(own) else name
         inner = ",".join(_plain(argument) for argument in event.arguments)
         return f"{name}({inner})" if event.arguments or "(" not in name else name
-    if event.word is EventWord.WAIT_FOR:
-        return "WAIT FOR " + spaced(name)
     if event.word in (EventWord.OUTPUT, EventWord.DWELL):
         value = "" if np.isnan(event.value) else f" {event.value:.6g}"
         return f"{name}{value}"
@@ -96,22 +96,41 @@ def _plain(value: object) -> str:
 # ---------------------------------------------------------------------------------- comparison
 
 
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """Two programs motion by motion: (p,) pairs that were taken for one, in order.
+
+    ``old_motion``, ``new_motion`` (p,): rows of the traces; ``distance`` [m], ``turn`` [rad] (p,):
+    between their targets; ``state`` (p,): row of ``states``, what differs in the controller's
+    state there.
+    """
+
+    old: Program
+    new: Program
+    old_motion: IndexArray
+    new_motion: IndexArray
+    distance: FloatArray
+    turn: FloatArray
+    state: IndexArray
+    states: tuple[tuple[StateDifference, ...], ...]
+
+
 def differences(
     old: Program, new: Program, position: float, angle_deg: float, speed: float
-) -> Iterator[Entry]:
-    """Yield the differences of two programs as keyword arguments of ``Difference``.
+) -> tuple[list[Entry], Compared]:
+    """Return the differences of two programs as keyword arguments of ``Difference``.
 
     Args:
         old: one program.
         new: the other.
         position: shift up to which a target is the same [m].
         angle_deg: likewise its turn, and that of axes [deg].
-        speed: share up to which a speed is the same.
+        speed: share up to which a number of the state is the same.
     """
     pairs = align(*_lines(old, new))
-    found = [*_alone(old, new, pairs), *_Comparer(old, new, position, angle_deg, speed).run(*pairs)]
-    for _, entry in sorted(found, key=lambda item: item[0]):
-        yield entry
+    comparer = _Comparer(old, new, position, angle_deg, speed, pairs)
+    found = [*_alone(old, new, pairs), *comparer.run()]
+    return [entry for _, entry in sorted(found, key=lambda item: item[0])], comparer.compared
 
 
 def _lines(old: Program, new: Program) -> tuple[Lines, Lines]:
@@ -153,9 +172,7 @@ def _file_units(trace: Trace) -> FloatArray:
     return target
 
 
-def _alone(
-    old: Program, new: Program, pairs: tuple[IndexArray, IndexArray]
-) -> Iterator[tuple[tuple[int, int], Entry]]:
+def _alone(old: Program, new: Program, pairs: tuple[IndexArray, IndexArray]) -> Iterator[Placed]:
     """Yield lines that only one program has, ordered by where they belong in the old one."""
     for program, taken, is_old in ((old, pairs[0], True), (new, pairs[1], False)):
         alone = np.ones(len(program.motion), dtype=np.bool_)
@@ -175,7 +192,7 @@ def _one_sided(program: Program, line: int, file: str, number: int, is_old: bool
     row = int(program.motion[line])
     if row >= 0:
         kind = "removed" if is_old else "inserted"
-        detail = f"{program.words[row]} to {_target_text(program.trace, row)}"
+        detail = f"{program.words[row]} to {target_text(program.trace, row)}"
     else:
         event = int(program.event[line])
         kind = _EVENT_KINDS[program.trace.events[event].word]
@@ -190,36 +207,37 @@ def _one_sided(program: Program, line: int, file: str, number: int, is_old: bool
     }
 
 
-def _target_text(trace: Trace, row: int) -> str:
-    angles = trace.target[row] / DEG
-    if trace.is_axes[row]:
-        return " ".join(f"{n} {v:.3f}" for n, v in zip(_AXES, angles, strict=True))
-    xyz = trace.target[row, :3] / MM
-    return " ".join(f"{n} {v:.3f}" for n, v in zip(_POSE, (*xyz, *angles[3:]), strict=True))
-
-
 class _Comparer:
     """Compares lines that were taken for one."""
 
     def __init__(
-        self, old: Program, new: Program, position: float, angle_deg: float, speed: float
+        self,
+        old: Program,
+        new: Program,
+        position: float,
+        angle_deg: float,
+        speed: float,
+        pairs: tuple[IndexArray, IndexArray],
     ) -> None:
         self.old, self.new = old, new
         self._position, self._angle, self._speed = position, angle_deg * DEG, speed
-        self._settings: dict[tuple[int, int, int, int], list[tuple[str, str]]] = {}
         self._old_targets = _file_units(old.trace).tolist()
         self._new_targets = _file_units(new.trace).tolist()
         self._is_axes = old.trace.is_axes.tolist()
+        is_motion = old.motion[pairs[0]] >= 0
+        self._left, self._right = pairs[0][is_motion], pairs[1][is_motion]
+        self._texts = tuple(side[~is_motion].tolist() for side in pairs)
+        i, j = old.motion[self._left], new.motion[self._right]
+        state, states = self._states(i, j)
+        self.compared = Compared(old, new, i, j, *self._shifts(i, j), state, states)
 
-    def run(self, left: IndexArray, right: IndexArray) -> Iterator[tuple[tuple[int, int], Entry]]:
+    def run(self) -> Iterator[Placed]:
         """Yield the differences of paired lines."""
-        old_rows, new_rows = self.old.motion[left], self.new.motion[right]
-        motions = np.flatnonzero(old_rows >= 0)
-        i, j = old_rows[motions], new_rows[motions]
-        off, turned = self._shifts(i, j)
+        pairs = self.compared
+        i, j, off, turned = pairs.old_motion, pairs.new_motion, pairs.distance, pairs.turn
         otherwise = self._otherwise(i, j)
         moved = (off > self._position) | (turned > self._angle)
-        columns = (left[motions], right[motions], i, j, off, turned, otherwise)
+        columns = (self._left, self._right, i, j, off, turned, otherwise)
         rows = np.flatnonzero(moved | otherwise)
         for line, other, a, b, way, angle, more in zip(
             *(column[rows].tolist() for column in columns), strict=True
@@ -230,8 +248,8 @@ class _Comparer:
             for entry in self._motion(a, b) if more else ():
                 number += 1
                 yield (line, number), self._placed(entry, line, other)
-        for place in np.flatnonzero(old_rows < 0).tolist():
-            line, other = int(left[place]), int(right[place])
+        yield from self._state_entries()
+        for line, other in zip(*self._texts, strict=True):
             before = self.old.texts[int(self.old.event[line])]
             after = self.new.texts[int(self.new.event[other])]
             if before != after:
@@ -239,16 +257,48 @@ class _Comparer:
                 entry = {"kind": _EVENT_KINDS[word], "detail": f"{before} became {after}"}
                 yield (line, 2), self._placed(entry, line, other)
 
+    # ------------------------------------------------------------------------------- the state
+
+    def _states(
+        self, i: IndexArray, j: IndexArray
+    ) -> tuple[IndexArray, tuple[tuple[StateDifference, ...], ...]]:
+        """Return what differs in the state at pairs (p,), as rows (p,) of a table."""
+        rows = np.column_stack([self.old.trace.setting[i], self.new.trace.setting[j]])
+        pairs, inverse = np.unique(rows, axis=0, return_inverse=True)
+        return inverse.reshape(-1), tuple(self._state(*pair) for pair in pairs.tolist())
+
+    def _state(self, a: int, b: int) -> tuple[StateDifference, ...]:
+        old, new = self.old.trace, self.new.trace
+        return state_differences(old, new, old.settings[a], new.settings[b], self._speed)
+
+    def _state_entries(self) -> Iterator[Placed]:
+        """Yield what differs in the state: where it begins, with the motions that have it."""
+        state, states = self.compared.state, self.compared.states
+        starts = np.flatnonzero(np.diff(state, prepend=-1)).tolist()
+        lengths = np.diff([*starts, len(state)]).tolist()
+        held = [states[int(state[start])] for start in starts]
+        for k, start in enumerate(starts):
+            for item in held[k]:
+                if k and item in held[k - 1]:
+                    continue
+                stop = next((n for n in range(k, len(held)) if item not in held[n]), len(held))
+                entry = _state_entry(item, f", {sum(lengths[k:stop])} motions")
+                line, other = int(self._left[start]), int(self._right[start])
+                yield (line, 1000), self._placed(entry, line, other)
+        told = {item for items in states for item in items}
+        ends = {name: (row, place) for name, row, place in self.new.ends}
+        for name, row, place in self.old.ends:
+            for item in self._state(row, ends[name][0]) if name in ends else ():
+                if item not in told:
+                    entry = _state_entry(item, " behind the last motion")
+                    yield (len(self.old.motion), 0), self._at(entry, place, ends[name][1])
+
     def _placed(self, entry: Entry, line: int, other: int) -> Entry:
-        old_file, old_line = self.old.place(line)
-        new_file, new_line = self.new.place(other)
-        return {
-            **entry,
-            "old_line": old_line,
-            "new_line": new_line,
-            "old_file": old_file,
-            "new_file": new_file,
-        }
+        return _put(entry, self.old.place(line), self.new.place(other))
+
+    def _at(self, entry: Entry, old: tuple[int, int], new: tuple[int, int]) -> Entry:
+        files = self.old.trace.files, self.new.trace.files
+        return _put(entry, (files[0][old[0]], old[1]), (files[1][new[0]], new[1]))
 
     def _shifts(self, i: IndexArray, j: IndexArray) -> tuple[FloatArray, FloatArray]:
         """Return how far targets are apart (p,) [m] and turned (p,) [rad], NaN parts as equal."""
@@ -275,7 +325,6 @@ class _Comparer:
         differ |= (old.blend[i] != new.blend[j]) | (old.motion_type[i] != new.motion_type[j])
         e, f = old.external[i], new.external[j]
         differ |= ((np.isnan(e) != np.isnan(f)) | (np.abs(np.nan_to_num(e - f)) > 0.0)).any(axis=1)
-        differ |= self._setting_differs(i, j)
         special = [*old.auxiliary, *old.angle]
         differ |= np.isin(i, special) | np.isin(j, [*new.auxiliary, *new.angle])
         for ours, theirs in (
@@ -284,30 +333,6 @@ class _Comparer:
         ):
             differ |= np.array(ours, dtype=str)[i] != np.array(theirs, dtype=str)[j]
         return differ
-
-    def _setting_differs(self, i: IndexArray, j: IndexArray) -> Any:  # noqa: ANN401
-        """Return which pairs are run under settings that differ in anything that counts."""
-        old, new = self.old.trace, self.new.trace
-        columns = (
-            old.setting[i],
-            new.setting[j],
-            ~old.is_cp[i],
-            old.blend[i],
-        )
-        pairs, inverse = np.unique(np.column_stack(columns), axis=0, return_inverse=True)
-        answer = [bool(self._compare_settings(*(int(v) for v in pair))) for pair in pairs]
-        return np.array(answer, dtype=np.bool_)[inverse.reshape(-1)]
-
-    def _compare_settings(self, a: int, b: int, is_ptp: int, blend: int) -> list[tuple[str, str]]:
-        key = (a, b, is_ptp, blend)
-        if key not in self._settings:
-            old, new = self.old.trace, self.new.trace
-            self._settings[key] = list(
-                setting_differences(
-                    old, new, old.settings[a], new.settings[b], bool(is_ptp), blend, self._speed
-                )
-            )
-        return self._settings[key]
 
     def _motion(self, i: int, j: int) -> Iterator[Entry]:
         """Yield what differs beside the target."""
@@ -319,22 +344,14 @@ class _Comparer:
         yield from self._arc(i, j)
         s, t = (int(old.status[i]), int(old.turn[i])), (int(new.status[j]), int(new.turn[j]))
         if s != t:
-            yield _entry("status", _status(*s), _status(*t))
+            yield _entry("status", status_text(*s), status_text(*t))
         if old.blend[i] != new.blend[j]:
             before, after = Blend(int(old.blend[i])), Blend(int(new.blend[j]))
             yield _entry("approximation", before.name.lower(), after.name.lower())
         if not np.array_equal(old.external[i], new.external[j], equal_nan=True):
             e, f = np.nan_to_num(old.external[i]), np.nan_to_num(new.external[j])
             if np.abs(e - f).max() > self._position / MM:
-                yield _entry("external", _numbers(e), _numbers(f))
-        settings = self._compare_settings(
-            int(old.setting[i]),
-            int(new.setting[j]),
-            not old.is_cp[i],
-            int(old.blend[i]),
-        )
-        for kind, detail in settings:
-            yield {"kind": kind, "detail": detail}
+                yield _entry("external", externals_text(e), externals_text(f))
 
     def _moved(self, i: int, j: int, off: float, turned: float) -> Entry:
         parts: list[str] = []
@@ -346,7 +363,7 @@ class _Comparer:
             parts.append(f"{turned / DEG:.4f} deg" if turned < math.inf else "other angles")
             entry["angle_deg"] = turned / DEG if turned < math.inf else None
         before, after = self._old_targets[i], self._new_targets[j]
-        names = _AXES if self._is_axes[i] else _POSE
+        names = AXES if self._is_axes[i] else POSE
         target = " ".join([f"{n} {v:.3f}" for n, v in zip(names, after, strict=True)])
         entry["detail"] = f"by {' and '.join(parts)} to {target}"
         if not self._is_axes[i]:
@@ -374,9 +391,10 @@ def _entry(kind: str, before: str, after: str) -> Entry:
     return {"kind": kind, "detail": f"{before} became {after}"}
 
 
-def _status(status: int, turn: int) -> str:
-    return "no S, T" if status < 0 and turn < 0 else f"S {status}, T {turn}"
+def _state_entry(item: StateDifference, where: str) -> Entry:
+    return {"kind": item.kind, "detail": f"{item}{where}"}
 
 
-def _numbers(values: FloatArray) -> str:
-    return "E " + " ".join(f"{value:.3f}" for value in values)
+def _put(entry: Entry, old: tuple[str, int], new: tuple[str, int]) -> Entry:
+    places = {"old_file": old[0], "old_line": old[1], "new_file": new[0], "new_line": new[1]}
+    return {**entry, **places}

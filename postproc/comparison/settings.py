@@ -1,69 +1,75 @@
-"""What differs in the settings that two motions are run with."""
+"""What differs in the state of the controller that two motions are run with."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
-from postproc.controller import Blend, Settings, Trace
-from postproc.units import DEG, MM
+from postproc.controller import Settings, Trace
+from postproc.krl import system_variable
+
+_KINDS = {"$VEL.CP": "speed", "$VEL_AXIS": "speed", "$APO": "approximation"}
 
 
-def setting_differences(
-    old: Trace,
-    new: Trace,
-    a: Settings,
-    b: Settings,
-    is_ptp: bool,
-    blend: int,
-    share: float,
-) -> Iterator[tuple[str, str]]:
-    """Yield kind and detail of settings that differ for this kind of motion."""
+class StateDifference(NamedTuple):
+    """One variable of the state, or the ``tool``, ``base``, ``load``, and what became of it."""
 
-    def other(x: float, y: float) -> bool:
-        return abs(x - y) > share * max(abs(x), abs(y), 1e-12)
+    name: str
+    before: str
+    after: str
 
-    if is_ptp:
-        if any(other(x, y) for x, y in zip(a.ptp, b.ptp, strict=True)):
-            yield "speed", f"{_percent(a.ptp)} became {_percent(b.ptp)}"
-    elif other(a.speed, b.speed):
-        yield "speed", f"{a.speed:g} m/s became {b.speed:g} m/s"
-    if blend == Blend.DISTANCE and other(a.cdis, b.cdis):
-        yield "approximation", f"{a.cdis / MM:g} mm became {b.cdis / MM:g} mm"
-    for name in ("tool", "base"):
-        detail = _frame(old, new, a, b, name)
-        if detail:
-            yield name, detail
-    if not is_ptp:
-        yield from _path(a, b, other)
+    @property
+    def kind(self) -> str:
+        """The kind of ``diff``."""
+        plain = self.name.partition("[")[0]
+        if plain in ("tool", "base"):
+            return plain
+        return _KINDS.get(plain) or _KINDS.get(plain.partition(".")[0], "settings")
+
+    def __str__(self) -> str:
+        """Return what became of it, with its unit."""
+        variable = system_variable(self.name)
+        unit = f" {variable.unit}" if variable is not None and variable.unit else ""
+        return f"{self.name} {self.before} became {self.after}{unit}"
 
 
-def _path(
-    a: Settings, b: Settings, other: Callable[[float, float], bool]
-) -> Iterator[tuple[str, str]]:
-    if other(a.orientation_speed, b.orientation_speed):
-        before, after = a.orientation_speed / DEG, b.orientation_speed / DEG
-        yield "settings", f"$VEL.ORI1 {before:g} became {after:g} deg/s"
-    if other(a.acceleration, b.acceleration):
-        yield "settings", f"$ACC.CP {a.acceleration:g} became {b.acceleration:g} m/s^2"
-    if a.orientation != b.orientation:
-        yield "settings", f"$ORI_TYPE #{a.orientation} became #{b.orientation}"
-    if a.ipo_tcp != b.ipo_tcp:
-        yield "settings", "$IPO_MODE is another"
+def state_differences(
+    old: Trace, new: Trace, a: Settings, b: Settings, share: float
+) -> tuple[StateDifference, ...]:
+    """Return all that differs; numbers are the same up to a share of them."""
+    return (*_variables(a, b, share), *_frames(old, new, a, b))
 
 
-def _frame(old: Trace, new: Trace, a: Settings, b: Settings, name: str) -> str:
-    numbers = getattr(a, f"{name}_number"), getattr(b, f"{name}_number")
-    if numbers[0] != numbers[1]:
-        before, after = (str(n) if n >= 0 else "frame" for n in numbers)
-        return f"{name} {before} became {after}"
-    frames = (old.tools, new.tools) if name == "tool" else (old.bases, new.bases)
-    T, U = frames[0][getattr(a, name)], frames[1][getattr(b, name)]
-    return f"the frame of the {name} is another" if np.abs(T - U).max() > 1e-6 else ""
+def _variables(a: Settings, b: Settings, share: float) -> Iterator[StateDifference]:
+    before, after = dict(a.system), dict(b.system)
+    found: dict[tuple[str, str, str], list[str]] = {}
+    for name in sorted(before.keys() | after.keys()):
+        x, y = before.get(name, "unset"), after.get(name, "unset")
+        if isinstance(x, float) and isinstance(y, float):
+            is_same = abs(x - y) <= share * max(abs(x), abs(y), 1e-12)
+        else:
+            is_same = x == y
+        if not is_same:
+            found.setdefault((name.partition("[")[0], _text(x), _text(y)), []).append(name)
+    for (plain, x, y), names in found.items():
+        yield StateDifference(names[0] if len(names) == 1 else plain, x, y)
 
 
-def _percent(shares: tuple[float, ...]) -> str:
-    if len(set(shares)) == 1:
-        return f"{shares[0] * 100:g} %"
-    return "/".join(f"{value * 100:g}" for value in shares) + " %"
+def _text(value: float | str) -> str:
+    return f"{value:g}" if isinstance(value, float) else value
+
+
+def _frames(old: Trace, new: Trace, a: Settings, b: Settings) -> Iterator[StateDifference]:
+    for name, frames in (("tool", (old.tools, new.tools)), ("base", (old.bases, new.bases))):
+        numbers = getattr(a, f"{name}_number"), getattr(b, f"{name}_number")
+        if numbers[0] != numbers[1]:
+            before, after = (str(n) if n >= 0 else "frame" for n in numbers)
+            yield StateDifference(name, before, after)
+        elif np.abs(frames[0][getattr(a, name)] - frames[1][getattr(b, name)]).max() > 1e-6:
+            yield StateDifference(name, "frame", "another frame")
+    loads = a.load_number, b.load_number
+    if loads[0] != loads[1] and loads != (a.tool_number, b.tool_number):
+        before, after = (str(n) if n >= 0 else "own" for n in loads)
+        yield StateDifference("load", before, after)

@@ -5,7 +5,7 @@ from postproc.controller.interpreter import Interpreter, run
 from postproc.controller.modules import load_program
 from postproc.controller.motions import Motions
 from postproc.controller.runtime import UNKNOWN, pose_of, text_of
-from postproc.controller.state import INITMOV, STOPMESS
+from postproc.controller.state import INITMOV, STOPMESS, Values
 from postproc.controller.trace import Blend, EventWord, MotionType, Settings, Trace, TraceEvent
 from postproc.controller.world import World
 
@@ -22,6 +22,7 @@ __all__ = [
     "Settings",
     "Trace",
     "TraceEvent",
+    "Values",
     "World",
     "load_program",
     "pose_of",
