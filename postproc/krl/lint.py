@@ -11,7 +11,7 @@ row  sev.  check
 4    E     names at most 24 characters with their prefix, legal, unique; GLOBAL ones in all files
 5    E W N every name declared (E), every called routine there (W; N for PP_ hooks), unused points
 6    E     declarations first and without value in a .src; on one line in a .dat
-7    E     literals finite, components known and not repeated, axes and poses not mixed
+7    E     literals finite, components known, not repeated, axes and poses not mixed; no wait < 0
 8    E W   ASCII, CR LF, no byte order mark, final newline, lines and files not too long
 9    E     INI once and in the main program only; tool with its load and base behind it
 10   E     tool and base numbers exist; 0 only on request; frame data of forms agree
@@ -19,19 +19,19 @@ row  sev.  check
 12   E W   S and T in range and in agreement about A5; S constant along a path
 15   E W   path speed above 0 and within the limit; BAS clamps above the default
 16   E     axis speeds 0 to 100 %, index 1 to 6; orientation speed within the limit
-17   E W   $ADVANCE 0 to 5; $APO in range and not longer than half of a segment
+17   E W   $ADVANCE 0 to 5; $APO in range, not 0 where blended, at most half of a segment
 18   E W   no blending at turning points, before plunges, at the end, before waits, at borders
 20   W     what stops the advance run between two path motions
 21   W     the spindle is switched off again; no cut before it runs
-22   W     a trigger has its motion; interrupt numbers not shared
+22   E W   a trigger has its motion; priorities in range; interrupts declared, once; BRAKE in them
 23   E W   folds balanced; visible text, parameters, code and frame data of forms agree
 24   E W   circles through three points that are apart and not on a line
 25   W     external axes on all points or none, as the controller has them
 26   W     no date, no time, no -0 in the text
-27   E W   types exist, values fit what takes them, motions go to points
+27   E W   types and elements exist, values fit what takes them, motions go to points
 28   E W   calls fit their routine, functions have a value, parameters are declared
 29   E     every GOTO has its label in the routine, once
-30   E W   system variables exist, are not read only where set, take their own constants
+30   E W   system variables exist, are not read only where set, take their constants and numbers
 31   E     in a spline block only its segments, triggers and times
 ===  ====  =====================================================================================
 

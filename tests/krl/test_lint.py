@@ -242,13 +242,21 @@ MUTANTS = [
         f"{TRIGGER}$OUT[1]=TRUE\nHALT",
     ),
     (22, "warning", "PANEL.src", "PTP XP1", "TRIGGER WHEN PATH=5 DELAY=0 DO $OUT[1]=TRUE\nPTP XP1"),
-    (
-        22,
-        "warning",
-        "PANEL.src",
-        "PTP XP1",
-        f"{TRIGGER}PP_BLOW(1)\nPTP XP1",
-    ),
+    (22, "error", "PANEL.src", "PTP XP1", f"{TRIGGER}PP_BLOW(1)\nPTP XP1"),
+    (22, "error", "PANEL.src", "PTP XP1", f"{TRIGGER}PP_BLOW() PRIO=200\nPTP XP1"),
+    (22, "warning", "PANEL.src", "PTP XP1", f"{TRIGGER}PP_BLOW() PRIO=50\nPTP XP1"),
+    (22, "error", "PANEL.src", "$ADVANCE=3", "INTERRUPT DECL 200 WHEN $IN[1] DO PP_X( )"),
+    (22, "error", "PANEL.src", "$ADVANCE=3", "INTERRUPT ON 21"),
+    (22, "error", "PANEL.src", "WAIT SEC 0.5", "BRAKE"),
+    (22, "error", "PANEL.src", "WAIT SEC 0.5", "RESUME"),
+    (7, "error", "PANEL.src", "WAIT SEC 0.5", "WAIT SEC -1"),
+    (17, "warning", "PANEL_001.src", "$APO.CDIS=0.2000", "$APO.CDIS=0"),
+    (17, "warning", "PANEL_001.src", "$APO.CDIS=0.2000", "$APO={CDIS 0.0,CPTP 50}"),
+    (27, "error", "PANEL.src", "WAIT SEC 0.5", 'nHole="abc"'),
+    (30, "error", "PANEL.src", "$ADVANCE=3", "$OV_PRO=200"),
+    (30, "error", "PANEL.src", "$ADVANCE=3", "$ANOUT[1]=2.5"),
+    (30, "error", "PANEL.src", "$ADVANCE=3", "$SOFTP_END[13]=2.5"),
+    (16, "error", "PANEL.src", "$ADVANCE=3", "$ACC_EXTAX[2]=120"),
     (22, "warning", "PANEL.src", "$ADVANCE=3", "INTERRUPT DECL 3 WHEN $IN[1] DO PP_X( )"),
     (
         22,
@@ -387,6 +395,37 @@ def test_each_row_is_triggered(row, severity, name, old, new):
 )
 def test_what_a_controller_takes_is_no_finding_of_the_row(row, name, old, new):
     assert f"KRL1{row:02d}" not in {code for code, _ in found(mutated(name, old, new))}
+
+
+@pytest.mark.parametrize(
+    ("declared", "line", "is_wrong"),
+    [
+        ("DECL INT n[3]", "n[3]=1", False),
+        ("DECL INT n[3]", "n[4]=1", True),
+        ("DECL INT n[3]", "n[0]=1", True),
+        ("DECL INT n[3]", "WAIT SEC n[5]", True),
+        ("DECL INT n[3],i", "n[i]=1", False),
+        ("DECL REAL r[2,4]", "r[2,4]=1", False),
+        ("DECL REAL r[2,4]", "r[3,4]=1", True),
+        ("DECL CHAR t[8]", 't[]="12345678"', False),
+        ("DECL INT i", 'i="A"', False),
+        ("DECL INT i", 'i="AB"', True),
+        ("IMPORT INT n IS /R1/OTHER..n", "n=4", False),
+        ("IMPORT REAL DIST[3] IS /R1/OTHER..DIST", "DIST[2]=4", False),
+        ("DECL RSI_T r", "IF RSI_ON(#RELATIVE)<>RSIOK THEN\nHALT\nENDIF", False),
+    ],
+)
+def test_elements_and_names_from_elsewhere(declared, line, is_wrong):
+    lines = mutated("PANEL.src", "DECL INT nHole", f"DECL INT nHole\n{declared}")
+    text = lines["PANEL.src"].replace("WAIT SEC 0.5", line)
+    errors = {code for code, severity in found({**lines, "PANEL.src": text}) if severity == "error"}
+    assert errors == ({"KRL127"} if is_wrong else set())
+
+
+def test_constants_need_no_decl(tmp_path):
+    data = 'DEFDAT GOOD\nCONST CHAR XA[16]\nXA[]="1.2"\nCONST INT N=3\nENDDAT\n'
+    folder = on_disk(tmp_path, {"GOOD.src": "DEF GOOD( )\nHALT\nEND\n", "GOOD.dat": data})
+    assert not [f for f in lint(load_modules([folder])) if f.severity is Severity.ERROR]
 
 
 def test_every_row_that_text_shows_has_a_mutant():

@@ -53,6 +53,11 @@ MSGNOTIFY MSGDIALOG MSGQUIT SET_USR_MSG CLEAR_USR_MSG EXISTS_MSG CLEAR_MSG GET_M
 """
 CONTROLLER_ROUTINES = BUILT_IN | frozenset(_ROUTINES.split())
 """Routines and functions of a delivered controller."""
+_IMPORT = re.compile(
+    r"(?:DECL\s+)?IMPORT\s.*?([A-Za-z_]\w*)\s*(?:\[[^\]]*\])?\s+IS\b", re.IGNORECASE
+)
+_OPTIONS = ("RSI", "EKI")
+"""Names of options begin so: sensor interface, Ethernet."""
 _MANY = 3
 """So many modules that use a name, or names that a module uses, are no slip of the pen."""
 HOOK_PREFIX = "PP_"
@@ -104,14 +109,16 @@ def _of_single_modules(subject: Subject, missing: list[_Missing]) -> None:
     """Report missing names; one warning for all of a module that is part of something larger.
 
     It is where these modules use many names that nothing declares, and not only points and the data
-    of forms, which stand in a .dat of their own.
+    of forms, which stand in a .dat of their own; or where a module calls an option.
     """
     is_part = len({i.name for i in missing if not i.is_call and not i.is_taught}) >= _MANY
     for module in subject.modules:
         own = [item for item in missing if item.module is module]
         routines = [i for i in own if i.is_call and not i.name.startswith(HOOK_PREFIX)]
         data = [item for item in own if not item.is_call]
-        if data and (is_part or (routines and len({item.name for item in data}) >= _MANY)):
+        is_optional = any(item.name.startswith(_OPTIONS) for item in routines)
+        many = routines and len({item.name for item in data}) >= _MANY
+        if data and (is_part or is_optional or many):
             names = _listed([item.name for item in (*routines, *data)])
             message = f"defined in modules that are not among these files: {names}"
             hint = "give the folder R1 of the controller, or --config $config.dat"
@@ -187,6 +194,8 @@ def _defined_by(statement: Statement) -> set[str]:
         found = DEFINES.match(statement.text)
         if found and found.group(1).upper() != "STRUC":
             return {found.group(2).upper()}
+        imported = _IMPORT.match(statement.text)
+        return {imported.group(1).upper()} if imported else set()
     return set()
 
 

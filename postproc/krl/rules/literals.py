@@ -9,6 +9,7 @@ from itertools import chain
 
 import numpy as np
 
+from postproc.krl.rules.part import number
 from postproc.krl.rules.scope import COMPONENTS
 from postproc.krl.rules.subject import ERROR, WARNING, Subject, files_of
 from postproc.krl.text import (
@@ -23,6 +24,7 @@ from postproc.krl.text import (
     Pose,
     Statement,
     TextFacts,
+    WaitSec,
     components,
 )
 
@@ -43,6 +45,12 @@ LONGEST_SEEN = 431
 
 def literals(subject: Subject) -> None:
     """Row 7: numbers are numbers, components known and not repeated, axes and poses not mixed."""
+    for part in subject.parts:
+        for statement in part.of(WaitSec):
+            seconds = number(statement.seconds)
+            if seconds is not None and seconds < 0.0:
+                message = f"WAIT SEC {seconds:g}: expected at least 0"
+                subject.add(7, ERROR, part.path, statement.line, message)
     points = subject.points
     large = (np.abs(points.numbers) > _LARGEST).any(axis=1)
     passed = np.zeros(len(subject.written), dtype=np.bool_)
@@ -93,10 +101,10 @@ def _sizes(subject: Subject, path: str, line: int, value: Pose | Axes) -> None:
     if isinstance(value, Pose) and value.is_complete and not value.external:
         numbers: Iterable[float] = (value.x_mm, value.y_mm, value.z_mm)  # type: ignore[assignment]
     else:
-        numbers = [number for _, number in components(value)]
-    for number in numbers:
-        if abs(number) > _LARGEST:
-            message = f"{number:g} is no coordinate of a robot"
+        numbers = [found for _, found in components(value)]
+    for found in numbers:
+        if abs(found) > _LARGEST:
+            message = f"{found:g} is no coordinate of a robot"
             subject.add(7, WARNING, path, line, message)
             return
 

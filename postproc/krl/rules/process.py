@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
 from itertools import islice
 
 from postproc.krl.rules.blending import FEED
-from postproc.krl.rules.part import Part, key_of, number
-from postproc.krl.rules.subject import WARNING, Subject
+from postproc.krl.rules.part import Part, RoutineKey, bas, key_of, number
+from postproc.krl.rules.subject import ERROR, WARNING, Subject
 from postproc.krl.text import (
     Assign,
     Call,
@@ -29,6 +29,9 @@ from postproc.records import dataclass
 
 _ON = re.compile(r"SPINDLE.*(ON|RUN|START)\Z|SPINDLERUN\Z")
 _OFF = re.compile(r"SPINDLE.*(OFF|STOP)\Z")
+MOST_PRIORITY = 128
+OWN_PRIORITIES = range(40, 81)
+"""Interrupts and triggers have priorities from 1; those in between the controller gives itself."""
 _BLOCKING = (Halt, WaitFor, WaitSec, SplineEnd)
 
 
@@ -102,11 +105,17 @@ def _called(statement: Statement) -> str:
 
 def triggers(subject: Subject) -> None:
     """Row 22: a trigger belongs to the motion behind it; interrupt numbers are not shared."""
+    decls = [s for part in subject.parts for s in part.of(Interrupt) if s.word == "DECL"]
+    declared = {number(s.number) for s in decls} - {None}
+    if any(number(s.number) is None for s in decls):
+        declared |= set(range(1, MOST_PRIORITY + 1))  # which one is not known
+    programs = _programs(subject)
     for part in subject.parts:
         statements = part.routine.statements
         for index in part.places(Trigger):
             _trigger(subject, part, statements[index], islice(statements, index + 1, None))  # type: ignore[arg-type]
-        _interrupts(subject, part)
+        _interrupts(subject, part, declared, part.key in programs)
+        _brakes(subject, part, part.key in programs)
 
 
 def _trigger(subject: Subject, part: Part, trigger: Trigger, behind: Iterator[Statement]) -> None:
@@ -123,9 +132,10 @@ def _trigger(subject: Subject, part: Part, trigger: Trigger, behind: Iterator[St
     if trigger.word == "DISTANCE" and number(trigger.where) not in (0.0, 1.0, None):
         message = "TRIGGER WHEN DISTANCE: 0 is the start of the motion, 1 its end"
         subject.add(22, WARNING, part.path, line, message)
-    if isinstance(trigger.action, Call) and trigger.action.arguments and trigger.priority is None:
-        message = "a TRIGGER that calls a routine with parameters needs PRIO"
-        subject.add(22, WARNING, part.path, line, message)
+    if isinstance(trigger.action, Call) and trigger.priority is None:
+        message = "a TRIGGER that calls a routine needs PRIO"
+        subject.add(22, ERROR, part.path, line, message, hint="PRIO=-1: the controller chooses")
+    _priority(subject, part, line, "PRIO", number(trigger.priority), lowest=-1)
 
 
 def _ends_search(subject: Subject, part: Part, statement: Statement) -> bool:
@@ -136,14 +146,37 @@ def _ends_search(subject: Subject, part: Part, statement: Statement) -> bool:
     return isinstance(statement, (Move, SplineBegin, Control, *_BLOCKING))
 
 
-def _interrupts(subject: Subject, part: Part) -> None:
+def _priority(
+    subject: Subject, part: Part, line: int, what: str, value: float | None, lowest: int = 1
+) -> None:
+    """Report a priority that there is not, or that the controller gives itself."""
+    if value is None or value == lowest:
+        return
+    if not 1 <= value <= MOST_PRIORITY or value % 1:
+        message = f"{what} {value:g}, expected a whole number from 1 to {MOST_PRIORITY}"
+        subject.add(22, ERROR, part.path, line, message)
+    elif value in OWN_PRIORITIES:
+        first, last = OWN_PRIORITIES[0], OWN_PRIORITIES[-1]
+        message = f"{what} {value:g}: {first} to {last} are those that the controller gives itself"
+        subject.add(22, WARNING, part.path, line, message)
+
+
+def _interrupts(
+    subject: Subject, part: Part, declared: Set[float | None], is_program: bool
+) -> None:
     seen: dict[float, int] = {}
     for statement in part.of(Interrupt):
-        if statement.word != "DECL":
-            continue
         value = number(statement.number)
         if value is None:
             continue
+        if statement.word != "DECL":
+            is_on = statement.word in ("ON", "ENABLE")
+            if is_on and value not in declared and value != 3:
+                message = f"INTERRUPT {statement.word} {value:g}: none of that number is declared"
+                severity = ERROR if is_program else WARNING
+                subject.add(22, severity, part.path, statement.line, message)
+            continue
+        _priority(subject, part, statement.line, "INTERRUPT DECL", value)
         action = statement.action
         stop = isinstance(action, Call) and action.name.upper() == "IR_STOPM"
         if value == 3 and not stop:
@@ -153,3 +186,21 @@ def _interrupts(subject: Subject, part: Part) -> None:
             message = f"interrupt {value:g} was declared in line {seen[value]}"
             subject.add(22, WARNING, part.path, statement.line, message)
         seen[value] = statement.line
+
+
+def _brakes(subject: Subject, part: Part, is_program: bool) -> None:
+    """BRAKE and RESUME stand in the routine of an interrupt: a program that has them stops."""
+    for statement in part.of(Control) if is_program else ():
+        if statement.word in ("BRAKE", "RESUME"):
+            message = f"{statement.word} in a program: it stands in the routine of an interrupt"
+            subject.add(22, ERROR, part.path, statement.line, message)
+
+
+def _programs(subject: Subject) -> Set[RoutineKey]:
+    """Return what is selected on the pad: it moves and initialises, and nothing here calls it."""
+    keys = {key_of(*entry) for entry in subject.entries()}
+    return {
+        part.key
+        for part in subject.parts
+        if part.key in keys and any(bas(call)[0] == "INITMOV" for call in part.calls)
+    }

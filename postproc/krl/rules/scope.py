@@ -83,10 +83,14 @@ Called = Callable[[str, KrlModule], tuple[KrlModule, Routine] | None]
 
 @record(frozen=True, slots=True)
 class Type:
-    """A type by its name in upper case; ``rank``: how many indices an element takes."""
+    """A type by its name in upper case; ``rank``: how many indices an element takes.
+
+    ``sizes``: the last of each index as declared, 0 where the files do not tell.
+    """
 
     name: str
     rank: int = 0
+    sizes: tuple[int, ...] = ()
 
 
 _PLAIN = {bool: Type("BOOL"), int: Type("INT"), float: Type("REAL"), Text: Type("CHAR")}
@@ -215,6 +219,23 @@ class Scope:
         is_number = self.family(left) == self.family(right) == "a number"
         return Type("REAL") if is_number and node.operator in "+-*/" else None
 
+    def beyond(self, node: Reference, module: KrlModule, routine: Routine | None) -> str:
+        """Return which elements an array has that a reference goes beyond; empty: it does not."""
+        kind = self.variable(node.name, module, routine)
+        for selector in node.selectors:
+            if kind is None:
+                return ""
+            if isinstance(selector, str):
+                kind = (self.structures.get(kind.name) or {}).get(selector)
+                continue
+            for index, size in zip(selector, kind.sizes, strict=False):
+                if isinstance(index, Unary) and index.operator == "-":
+                    return f"elements 1 to {size}" if size else "no such element"
+                if type(index) is int and size and not 1 <= index <= size:
+                    return f"elements 1 to {size}"
+            kind = Type(kind.name)
+        return ""
+
     def _selected(self, node: Reference, kind: Type | None) -> Type | None:
         for selector in node.selectors:
             if kind is None:
@@ -241,7 +262,10 @@ class Scope:
             return self._structure(value, wanted)
         node = _node(value)
         found = self.family(None if node is None else self.type_of(node, *place))
+        # one character is its number as well
         texts = {family, found} <= {"CHAR", "a number"}
+        if isinstance(node, Text) and family == "a number" and len(node.value) != 1:
+            return "a text"
         return "" if not found or found == family or texts else found
 
     def _constant(self, value: Enum, wanted: Type) -> str:
@@ -298,8 +322,9 @@ def _variables(statements: Iterable[Statement]) -> Iterator[tuple[str, Type | No
     for statement in statements:
         if type(statement) is Declaration:
             for variable in statement.variables:
-                rank = 0 if variable.dimension is None else variable.dimension.count(",") + 1
-                yield variable.name.upper(), Type(statement.type_name.upper(), rank)
+                sizes = _sizes(variable.dimension)
+                kind = Type(statement.type_name.upper(), len(sizes), sizes)
+                yield variable.name.upper(), kind
         elif type(statement) is Raw:
             found = DEFINES.match(statement.text)
             if found and found.group(1).upper() in ("SIGNAL", "CHANNEL"):
@@ -313,5 +338,11 @@ def _fields(text: str) -> Iterator[tuple[str, Type]]:
         found = _FIELD.match(item.strip())
         if found:
             kind = (found.group(1) or kind).upper()
-            dimension = found.group(3)
-            yield found.group(2).upper(), Type(kind, dimension.count(",") + 1 if dimension else 0)
+            sizes = _sizes(found.group(3) and found.group(3)[1:-1])
+            yield found.group(2).upper(), Type(kind, len(sizes), sizes)
+
+
+def _sizes(dimension: str | None) -> tuple[int, ...]:
+    """Return the declared sizes of an array, () for a single value."""
+    parts = () if dimension is None else dimension.split(",")
+    return tuple(int(part) if part.strip().isdigit() else 0 for part in parts)

@@ -26,12 +26,13 @@ from postproc.krl.text import (
 
 _INDEX = re.compile(r"\[(\d+)\]")
 _ORIENTATION = ("$VEL.ORI1", "$VEL.ORI2")
-_ROWS = {
-    **dict.fromkeys(("$VEL.CP", "$ACC.CP", "$ACC.ORI1", "$ACC.ORI2"), 15),
-    **dict.fromkeys((*_ORIENTATION, "$VEL_AXIS", "$ACC_AXIS", "$VEL_EXTAX", "$ACC_EXTAX"), 16),
-    **dict.fromkeys(("$ADVANCE", "$APO.CDIS", "$APO.CORI", "$APO.CPTP", "$APO.CVEL"), 17),
+_BLENDS = {
+    "$APO.CDIS": ("C_DIS", "C_SPL"),
+    "$APO.CPTP": ("C_PTP",),
+    "$APO.CORI": ("C_ORI",),
+    "$APO.CVEL": ("C_VEL",),
 }
-"""Row of the variables that have one; all others are row 30."""
+"""Where the words of approximation begin to cut a corner."""
 
 
 def speeds(subject: Subject) -> None:
@@ -40,6 +41,7 @@ def speeds(subject: Subject) -> None:
         subject.each(part, partial(_speeds, subject, part.path))
         _blend_lengths(subject, part)
         _without_advance(subject, part)
+        _blends_of_nothing(subject, part)
     for module in subject.modules:
         for statement in module.data.statements if module.data is not None else ():
             if isinstance(statement, Declaration):
@@ -69,7 +71,14 @@ def _setting(subject: Subject, path: str, line: int, name: str, value: Value) ->
         return
     if variable.name in _ORIENTATION:
         variable = replace(variable, most=subject.options.orientation_speed_max)
-    row, found = _ROWS.get(variable.name, 30), number(value)
+    row = 30
+    if name.startswith(("$APO", "$ADVANCE")):
+        row = 17
+    elif name.startswith(("$VEL_", "$ACC_", *_ORIENTATION)):
+        row = 16
+    elif name.startswith(("$VEL", "$ACC")):
+        row = 15
+    found = number(value)
     index = _INDEX.search(name)
     if variable.size and index and not 1 <= int(index.group(1)) <= variable.size:
         message = f"{name}: the index goes from 1 to {variable.size}"
@@ -141,7 +150,7 @@ def _blend_lengths(subject: Subject, part: Part) -> None:
         return
     length = np.linalg.norm(np.diff(part.positions, axis=0), axis=1)
     short = 0.5 * np.fmin(length[:-1], length[1:])
-    distance = _distances(part)[1:-1]
+    distance = _in_force(part, "$APO.CDIS")[1:-1]
     blended = np.array(["C_DIS" in b or "C_SPL" in b for b in part.blends])[1:-1]
     known = np.isfinite(length[:-1]) & np.isfinite(length[1:]) & part.is_path[1:-1]
     cut = known & part.is_path[2:] & blended & (distance > short * (1.0 + 1e-6) + 1e-6)
@@ -155,8 +164,8 @@ def _blend_lengths(subject: Subject, part: Part) -> None:
         subject.add(17, WARNING, part.path, first, message)
 
 
-def _distances(part: Part) -> FloatArray:
-    """Return $APO.CDIS [mm] (k,) in force at each motion, NaN where it is not known."""
+def _in_force(part: Part, variable: str) -> FloatArray:
+    """Return a part of $APO (k,) in force at each motion, NaN where it is not known."""
     changes = []
     for index, statement in zip(
         part.places(Assign, Call), part.of_kinds(Assign, Call), strict=True
@@ -164,13 +173,25 @@ def _distances(part: Part) -> FloatArray:
         if isinstance(statement, Assign):
             if statement.target.upper().startswith("$APO"):
                 for name, value in _parts(statement):
-                    if name == "$APO.CDIS":
+                    if name in (variable, "$APO"):
                         changes.append((index, known_number(value)))
         else:
             command, _ = bas(statement)
             if command == "INITMOV" or command.endswith(("PARAMS", "_DAT")):
                 changes.append((index, float("nan")))
     return part.in_force(changes)
+
+
+def _blends_of_nothing(subject: Subject, part: Part) -> None:
+    """Row 17: where approximation begins at 0, every point is an exact stop."""
+    for variable, words in _BLENDS.items():
+        for place in np.flatnonzero(_in_force(part, variable) == 0.0).tolist():
+            move = part.steps[place].move
+            own = [i for i in move.settings if i.target.upper().startswith("$APO")]
+            if not own and move.blend and move.blend[-1] in words:
+                message = f"{move.blend[-1]} with {variable} 0: every point is an exact stop"
+                subject.add(17, WARNING, part.path, move.line, message)
+                break
 
 
 def _without_advance(subject: Subject, part: Part) -> None:

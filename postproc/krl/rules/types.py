@@ -39,6 +39,7 @@ def types(subject: Subject) -> None:
     for part in subject.parts:
         place = (part.module, part.routine)
         subject.each(part, partial(_given, subject, part.path, place))
+        subject.each(part, partial(_elements, subject, part.path, place))
         for step in part.steps:
             if type(step.move.target) is not Pose or step.move.auxiliary is not None:
                 _target(subject, part.path, place, step.move)
@@ -60,6 +61,16 @@ def _given(subject: Subject, path: str, place: Place, statement: Statement) -> N
         if kind is not None:
             value = statement.value
             _value(subject, path, place, statement.line, statement.target, kind, value)
+
+
+def _elements(subject: Subject, path: str, place: Place, statement: Statement) -> None:
+    """Check that elements of arrays exist."""
+    for node in nodes_of(statement, "["):
+        if isinstance(node, Reference) and not node.name.startswith("$"):
+            has = subject.scope.beyond(node, *place)
+            if has:
+                message = f"{node.name} has {has}: the program stops there"
+                subject.add(27, ERROR, path, statement.line, message)
 
 
 def _type_of_target(subject: Subject, target: str, place: Place) -> Type | None:

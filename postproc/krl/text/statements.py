@@ -411,6 +411,7 @@ _HANDLERS: dict[str, _Handler] = {
     "INTERRUPT": _interrupt,
     "GLOBAL": _prefixed,
     "DECL": _declaration,
+    "CONST": _declaration,
     "EXT": _external,
     "EXTFCT": _external,
     "EXTP": _external,
