@@ -19,6 +19,7 @@ from postproc.gap.data import Arm, Samples, make_samples, reference_of
 from postproc.gap.effect import EFFECTS, Basis, Effect, State
 from postproc.geometry import apply, inverse, rotation_from_vector
 from postproc.kinematics import Kinematics
+from postproc.measurement import tool_points
 from postproc.model import ModelFile, Registration
 from postproc.records import dataclass
 
@@ -35,7 +36,8 @@ def arm_of(kinematics: Kinematics, cell: Cell, seen: Registration | None = None)
     tcp = np.asarray(cell.tool.T_flange_tcp[:3, 3])
     point = tcp if seen is None else np.asarray(seen.p_flange_point)
     load = point if seen is not None and seen.loads_at_point else tcp
-    return Arm(kinematics, point, load, reference_of(kinematics, cell))
+    tools = {} if seen is not None and seen.loads_at_point else tool_points(cell)
+    return Arm(kinematics, point, load, reference_of(kinematics, cell), tools, seen is None)
 
 
 def tool_point(samples: Samples, states: States) -> FloatArray:

@@ -24,6 +24,7 @@ from postproc.measurement.repair import repaired, without_copies
 from postproc.measurement.rows import MeasurementSet, Remark
 from postproc.measurement.scatter import MEAN_LENGTH, robust_sigma
 from postproc.measurement.setups import SetUps, set_ups
+from postproc.measurement.tools import points_of_rows, tool_points
 
 __all__ = [
     "DIRECTION",
@@ -45,6 +46,7 @@ __all__ = [
     "in_robroot",
     "only_points",
     "points_of",
+    "points_of_rows",
     "read_campaign",
     "readings_of",
     "repaired",
@@ -52,6 +54,7 @@ __all__ = [
     "robust_sigma",
     "set_ups",
     "table_to_fill_in",
+    "tool_points",
     "unloaded_rows",
     "without_copies",
 ]

@@ -21,6 +21,7 @@ from postproc.measurement.readings import has_points
 from postproc.measurement.registration import fit_registration, frames_of, points_of
 from postproc.measurement.rows import MeasurementSet, Remark
 from postproc.measurement.setups import set_ups
+from postproc.measurement.tools import points_of_rows, tool_points
 from postproc.model import Registration
 from postproc.units import DEG, MM
 
@@ -112,6 +113,7 @@ class _Seen:
     ) -> None:
         self.kinematics = kinematics
         self.tcp = np.asarray(cell.tool.T_flange_tcp[:3, 3])
+        self.tools = tool_points(cell)
         self.registered = registered
         self.frame = frame
         self.fitted: Registration | None = None
@@ -132,7 +134,9 @@ class _Seen:
             if self.registered and (again or self.fitted is None):
                 self.register(measured)
             frame = self.fitted if self.registered else self.frame
-            point = self.tcp if frame is None else points_of(frame, rows)
+            own = points_of_rows(self.tools, measured.extra, self.tcp)
+            tcp = self.tcp if own is None else own
+            point = tcp if frame is None else points_of(frame, rows)
             T = np.eye(4) if frame is None else frames_of(frame, rows)
         except (DataError, KeyError, np.linalg.LinAlgError):
             return np.full(len(measured), np.inf if again else 0.0)

@@ -82,8 +82,15 @@ def _conditions(diagnosis: Diagnosis) -> Iterator[tuple[str, FloatArray]]:
     if samples.qd is not None:
         yield "fastest joint [deg/s]", np.abs(samples.qd[kept]).max(axis=1) / DEG
     for name, values in samples.extra.items():
-        if isinstance(values, np.ndarray) and np.isfinite(values[kept]).any():
-            yield name, values[kept][np.isfinite(values[kept])]
+        if _is_label(values):
+            continue
+        known = values[kept][np.isfinite(values[kept])]
+        if len(known):
+            yield name, known
+
+
+def _is_label(values: Any) -> bool:  # noqa: ANN401 - numbers or labels
+    return not np.issubdtype(np.asarray(values).dtype, np.number)
 
 
 def _poses(diagnosis: Diagnosis) -> IntArray:
@@ -97,8 +104,8 @@ def _poses(diagnosis: Diagnosis) -> IntArray:
     if samples.set_up is not None:
         parts.append(samples.set_up)
     for values in samples.extra.values():
-        if isinstance(values, tuple):
-            parts.append(np.unique(values, return_inverse=True)[1])
+        if _is_label(values):
+            parts.append(np.unique(np.asarray(values), return_inverse=True)[1])
     whole = np.column_stack(parts)
     return np.unique(whole, axis=0, return_inverse=True)[1].reshape(len(whole)).astype(np.int32)
 

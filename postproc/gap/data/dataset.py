@@ -13,7 +13,7 @@ from postproc.errors import DataError
 from postproc.gap.data.reference import ArmReference
 from postproc.geometry import apply, inverse
 from postproc.kinematics import Kinematics
-from postproc.measurement import MeasurementSet, SetUps
+from postproc.measurement import MeasurementSet, SetUps, points_of_rows
 from postproc.records import dataclass
 
 COLUMN_NAMES = {
@@ -29,7 +29,7 @@ COLUMN_NAMES = {
 
 FADES = (300.0, 900.0, 2700.0)
 """Times [s] in which the trace of a load fades."""
-_BY_ROW = ("q", "frames", "axes", "point", "load_point", "course", "seen", "set_up")
+_BY_ROW = ("q", "frames", "axes", "point", "load_point", "course", "seen", "loaded", "set_up")
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,13 +37,17 @@ class Arm:
     """The nominal arm with the point that is measured, and what is assumed of its inside.
 
     ``p_flange_point`` (3,) [m]: tool centre point or reflector in the flange, what is measured;
-    ``p_flange_load`` (3,) [m]: where the outside wrench acts, in the flange.
+    ``p_flange_load`` (3,) [m]: where the outside wrench acts, in the flange. ``tools``: the tool
+    point (3,) [m] of each tool of the cell, for rows that name theirs; ``sees_tool``: what is
+    measured is the tool point, no reflector.
     """
 
     kinematics: Kinematics
     p_flange_point: FloatArray
     p_flange_load: FloatArray
     reference: ArmReference
+    tools: Mapping[str, FloatArray] = field(default_factory=dict)
+    sees_tool: bool = False
 
     def link_constants(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return what does not depend on the pose.
@@ -81,8 +85,8 @@ class Samples:
     to stand in the order of measuring; wrench (n, 6) ON the tool there [N, N*m]; temperature in
     degrees Celsius. past: (n, 18) what earlier loads have left of their torque on each joint, for
     each of ``FADES``, where loads and time were logged [N*m]. seen: (n, 3) the measured point of
-    each row in the flange [m], where there are several; set_up: (n, 2) numbers of station and
-    reflector.
+    each row in the flange [m], where there are several; loaded: the same of where the wrench acts;
+    set_up: (n, 2) numbers of station and reflector.
     """
 
     arm: Arm
@@ -100,6 +104,7 @@ class Samples:
     past: FloatArray | None = None
     extra: Mapping[str, Any] = field(default_factory=dict)
     seen: FloatArray | None = None
+    loaded: FloatArray | None = None
     set_up: IntArray | None = None
 
     def __len__(self) -> int:
@@ -136,7 +141,8 @@ class Samples:
         """Return the same rows in another pose."""
         frames, flange, axes = _geometry(self.arm, q)
         seen = self.arm.p_flange_point if self.seen is None else self.seen
-        point, load = (apply(flange, p) for p in (seen, self.arm.p_flange_load))
+        loaded = self.arm.p_flange_load if self.loaded is None else self.loaded
+        point, load = (apply(flange, p) for p in (seen, loaded))
         return replace(self, q=q, frames=frames, axes=axes, point=point, load_point=load)
 
     def with_points(
@@ -147,7 +153,8 @@ class Samples:
         arm = arm if measured is None else replace(arm, p_flange_point=measured)
         arm = arm if load is None else replace(arm, p_flange_load=load)
         seen = self.seen if measured is None else None
-        return replace(self, arm=arm, seen=seen).at(self.q)
+        loaded = self.loaded if load is None else None
+        return replace(self, arm=arm, seen=seen, loaded=loaded).at(self.q)
 
     def with_set_ups(self, rows: SetUps, points: FloatArray) -> Samples:
         """Return the same rows with their stations and measured points (n, 3) or (3,) [m]."""
@@ -207,7 +214,11 @@ def make_samples(arm: Arm, q: FloatArray, **columns: Any) -> Samples:  # noqa: A
     point, load = (apply(flange, p) for p in (arm.p_flange_point, arm.p_flange_load))
     time = columns.get("time")
     course = np.arange(len(q), dtype=np.float64) if time is None else np.asarray(time)
-    return _with_past(Samples(arm, q, frames, axes, point, load, course, **columns))
+    samples = Samples(arm, q, frames, axes, point, load, course, **columns)
+    loaded = points_of_rows(arm.tools, samples.extra, arm.p_flange_load)
+    if loaded is not None:
+        samples = replace(samples, seen=loaded if arm.sees_tool else None, loaded=loaded).at(q)
+    return _with_past(samples)
 
 
 def _with_past(samples: Samples) -> Samples:
