@@ -81,7 +81,9 @@ class Engine:
         self._shapes = [Shape.of(mesh) for mesh in meshes]
         self._distances = Distances(meshes, [shape.parts for shape in self._shapes])
         self._links = np.array([self._link(body) for body in bodies])
-        self._use(candidate_pairs(bodies, stand_ins, clearance, thin or {}))
+        turns = any(axis.kind != "rail" for axis in external.axes)
+        table = candidate_pairs(bodies, stand_ins, clearance, thin or {}, part_turns=turns)
+        self._use(table)
         by_construction = self._touching(*limits)
         stands_for = {new: pair for pair, new in (thin or {}).items()}
         touching = [stands_for.get(self.both[i], self.both[i]) for i in by_construction]

@@ -53,7 +53,8 @@ class PairTable(Table):
         first, second: (p,) indices of bodies; ``second`` never moves less than ``first`` is fixed.
         margin: (p,) [m], a distance up to this counts as a collision; 0 for a cutting solid and
             the workpiece, whose distance is the CAM file's affair.
-        is_self: (p,) both are links of the robot, or the tool and the wrist that carries it.
+        is_self: (p,) no distance is asked of them: both are links of the robot, the tool and the
+            wrist that carries it, or a part that turns and what stands beside it.
         is_wrist: (p,) the tool and a link of the wrist.
         in_contact: (p,) tested where contact is allowed; out_of_contact: (p,) where it is not.
     """
@@ -68,25 +69,32 @@ class PairTable(Table):
 
 
 def candidate_pairs(
-    bodies: tuple[Body, ...], stand_ins: int, clearance: float, thin: Mapping[Pair, Pair]
+    bodies: tuple[Body, ...],
+    stand_ins: int,
+    clearance: float,
+    thin: Mapping[Pair, Pair],
+    *,
+    part_turns: bool = False,
 ) -> PairTable:
     """Return all pairs that may have to be tested.
 
     The last ``stand_ins`` bodies stand for others: cutting solids pulled back by the contact depth
     against the workpiece where contact is allowed; thinner solids, ``thin``: the pair that is
-    tested instead of a pair. Links keep no clearance from each other: their distances are the
-    maker's affair.
+    tested instead of a pair. A part that turns may meet what stands in the room. Links keep no
+    clearance from each other: their distances are the maker's affair.
     """
     count = len(bodies) - stand_ins
     rows = []
     for a in range(count):
         for b in range(a + 1, count):
             one, two = bodies[a], bodies[b]
-            if not _is_tested(one, two):
+            beside = part_turns and (one.kind, two.kind) == ("workpiece", "obstacle")
+            if not (beside or _is_tested(one, two)):
                 continue
             touching = one.kind == "cutting" and two.kind == "workpiece"
             is_wrist = two.kind in TOOL and one.link in (_OWN_WRIST - 1, _OWN_WRIST)
             is_self = one.kind == two.kind == "link" or (is_wrist and one.link == _OWN_WRIST)
+            is_self |= beside
             first, second = thin.get((a, b), (a, b))
             margin = 0.0 if is_self or touching else clearance
             rows.append((first, second, margin, is_self, is_wrist, not touching, True))

@@ -32,6 +32,9 @@ def cell_with(axes):
     return replace(cell, external_axes=tuple(axes))
 
 
+BESIDE = ("workpiece block", "obstacle post")
+
+
 def frozen(cell, values):
     """The cell without axes, standing where they stand at these values."""
     world, turned = STAND.copy(), np.eye(4)
@@ -63,9 +66,12 @@ def test_equals_a_cell_that_stands_there(axes, random_q):
         q = random_q(150, seed)
         x = np.hstack([q, np.tile(values, (len(q), 1))])
         there = Scene.build(frozen(cell, values), arm)
-        assert scene.pairs == there.pairs
-        assert np.array_equal(scene.check(x).pair, there.check(q).pair)
-        assert np.allclose(scene.clearance(x), there.clearance(q), atol=1e-9)
+        # only a part that turns may meet what stands in the room: it is the last pair
+        assert [*there.pairs, *[BESIDE] * (TABLE in axes)] == list(scene.pairs)
+        pair = scene.check(x).pair
+        beside = pair == len(there.pairs)
+        assert np.array_equal(np.where(beside, -1, pair), there.check(q).pair)
+        assert np.allclose(scene.clearance(x)[~beside], there.clearance(q)[~beside], atol=1e-9)
         seen += there.check(q).hit.sum()
     assert seen > 15
     still = Scene.build(frozen(cell, np.zeros(len(axes))), arm)

@@ -157,7 +157,8 @@ class Effect:
         """Everything that tells motions apart, in columns."""
         paths, trace = self._paths, self._paths.trace
         blend = np.where(trace.blend == Blend.DISTANCE, trace.column("cdis"), 0.0)
-        share = np.where(trace.blend == Blend.AXES, trace.column("cptp"), 0.0)
+        cptp = np.array([dict(item.system)["$APO.CPTP"] for item in trace.settings] or [0.0])
+        share = np.where(trace.blend == Blend.AXES, cptp[trace.setting], 0.0)
         angle = np.where(trace.blend == Blend.OTHER, trace.column("cori"), 0.0)
         numbers = (blend, share, angle, trace.column("load_mass"), trace.column("advance"))
         return (
