@@ -90,6 +90,12 @@ def _faults(
     if len(blended) and settings.cdis > most * (1.0 + _SAME):
         text = f"$APO.CDIS is {settings.cdis / MM:g} mm, the cell asks for {most / MM:g} at most"
         yield RunKind.SETUP, int(blended[0]), text
+    if len(blended) and settings.cdis == 0.0:
+        text = f"C_DIS with $APO.CDIS 0: an exact stop at each of {len(blended)} points"
+        yield RunKind.SETUP, int(blended[0]), text
+    if settings.advance == 0 and cell.krl.advance > 0 and is_cp.any():
+        text = f"$ADVANCE is 0: an exact stop at every point, the cell has {cell.krl.advance}"
+        yield RunKind.SETUP, first, text
     yield from _ramps(cell, settings, first)
     yield from _shares(cell, settings, first, is_joint=not is_cp.all())
     top = cell.krl.path_speed_max

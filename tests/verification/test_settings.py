@@ -72,6 +72,8 @@ def test_what_is_not_judged_is_refused_and_can_be_accepted(cell, line):
         (["WHILE TRUE", "WAIT SEC 0.1", "ENDWHILE"], "endless"),
         (["GO:", "GOTO GO"], "endless"),
         (["TRIGGER WHEN DISTANCE=0 DELAY=0 DO $VEL.CP=0.5"], "unjudged"),
+        (["$ADVANCE=0"], "setup"),
+        (["$APO.CDIS=0", at(0, 0, 0, "C_DIS")], "setup"),
         (["$ACC.CP=0.01"], "speed"),
         (["BAS(#ACC_CP,10)"], "speed"),
         (["BAS(#ACC_PTP,10)"], "speed"),
