@@ -92,7 +92,9 @@ def _turned(toolpath: ToolPath, outward: FloatArray | None) -> Finding | None:
     axes, wrong = toolpath.axes[rows], np.zeros(len(rows), dtype=np.bool_)
     places, first = np.unique(toolpath.points[rows], axis=0, return_index=True)
     count = min(_NEIGHBOURS + 1, len(places))
-    if count > 2:
+    mean = axes.sum(axis=0)
+    alike = (axes @ mean > 0.5 * np.linalg.norm(mean)).all()  # within 60 deg: none is turned round
+    if count > 2 and not alike:
         near = np.asarray(cKDTree(places).query(places, k=count)[1])[:, 1:]
         cosine = np.einsum("ij,ikj->ik", axes[first], axes[first][near])
         turned = (cosine < _AGAINST).mean(axis=1) >= _MOST

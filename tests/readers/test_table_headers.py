@@ -42,7 +42,8 @@ STRANGE = (
     "x [kN]", "Frame", "Nullpunktversatz", "speed factor", "Rotation", "wait", "mirror", "Type",
     "Winkel [\u00b0]", "feed per tooth [mm]", "cutting speed (m/min)", "unit",
     "d\u00e9calage Z (mm)",
-    "start speed (mm/s)", "E1 [mm]", "rapid", "depth2", "angle", "lead_deg",
+    "start speed (mm/s)", "E1 [mm]", "Feed %", "feed*", "i (mm)", "depth=",
+    "rapid", "depth2", "angle", "lead_deg",
 )  # fmt: skip
 SENSES = {1.0: ("CW", "cw", "M3", "CLW", "M03", "rechts"), -1.0: ("CCW", "M4", "cclw", "links")}
 
@@ -270,6 +271,34 @@ def test_metres_without_a_unit_are_asked_back(rows, refused, read_text):
         assert read_text(text, "t.csv", units="m").units == "m"
     path = read_text(text, "t.csv", points_only=True)
     assert "lengths in mm" in path.assumed
+
+
+@pytest.mark.parametrize(
+    ("header", "rows", "unit"),
+    [
+        ("a,b,c,feed", ["0,1.5708,0,600", "3.14159,0,0,600"], "a_rad,b_rad,c_rad,feed"),
+        ("i,j,k,feed", ["0,0,1,0.01", "0,0,1,0.05"], "i,j,k,feed_m_s"),
+        ("i,j,k,depth,dwell", ["0,0,1,5,500", "0,0,1,5,0"], "i,j,k,depth,dwell_ms"),
+    ],
+)
+def test_numbers_that_refute_the_usual_unit_are_asked_back(header, rows, unit, read_text):
+    text = f"x,y,z,{header}\n" + "".join(f"{40 * i},0,0,{row}\n" for i, row in enumerate(rows))
+    with pytest.raises(ReadError, match="CSV017"):
+        read_text(text, "t.csv")
+    read_text(text, "t.csv", columns=f"x,y,z,{unit}")
+
+
+def test_a_coordinate_in_an_unknown_unit_is_listed_and_never_lost(read_text):
+    text = "x [kN],y,z,i,j,k\n1,2,3,0,0,1\n"
+    with pytest.raises(ReadError, match="CSV016"):
+        read_text(text, "t.csv")
+    looked = read_text(text, "t.csv", points_only=True)
+    assert [use.word for use in looked.word_uses] == ["x [kN]"]
+
+
+def test_rows_of_one_name_with_other_work_are_no_repeated_measurements(read_text):
+    text = "id,x,y,z,i,j,k,depth\nA,1,2,3,0,0,1,5\nA,1,2,3,0,0,1,12\n"
+    assert len(read_text(text, "t.csv")) == 2
 
 
 def test_the_spindle_follows_the_rows(read_text):

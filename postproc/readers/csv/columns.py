@@ -22,7 +22,9 @@ _BRACKETS = re.compile(r"[\[({<](.*?)[\])}>]")
 _NO_UNIT = frozenset({"", "-", "1"})
 """What brackets hold beside a number without a unit."""
 _HUMP = re.compile(r"(?<=[a-z])(?=[A-Z])")
-_BORDER = re.compile(r"^|[\s_\-,;:/]+|(?<=\w)\.(?=\s|$)")
+_BORDER = re.compile(r"^|[\s_\-,;:/]+|(?<=\w)\.(?=\s|$)|(?=\u00b0)")
+_SYMBOL = re.compile(r"[^\w\s.,;:#'\"/()\[\]{}<>-]")
+"""What stands in no name: %, =, * say something that is not understood."""
 _WORD = re.compile(r"[^\W_]+")
 _NOISE_WORDS = (
     "coord coords coordinate coordinates koordinate koordinaten coordonnee pos position loc "
@@ -81,8 +83,12 @@ def column_of(name: str) -> Column:
         return Column("", name)
     found = [_meant(words, unit) for words, unit in _readings(text)]
     known = [column for column in found if column is not None]
+    if not known:  # what stands in brackets may be a unit that is not known
+        column = _meant(_words(_BRACKETS.sub(" ", text)), None)
+        question = "its unit is not known" if column is not None and column.role else _UNKNOWN
+        known = [replace(column or Column("", ""), question=question)]
     clear = [column for column in known if not column.question]
-    return replace((clear or known or [Column("", "", question=_UNKNOWN)])[0], name=name)
+    return replace((clear or known)[0], name=name)
 
 
 def _readings(text: str) -> Iterator[tuple[tuple[str, ...], Unit | None]]:
@@ -100,7 +106,8 @@ def _readings(text: str) -> Iterator[tuple[tuple[str, ...], Unit | None]]:
         unit = unit_named(text[border.end() :])
         if unit is not None:
             yield _words(text[: border.start()]), unit
-    yield _words(text), None
+    if not _SYMBOL.search(text):
+        yield _words(text), None
 
 
 def _words(text: str) -> tuple[str, ...]:
@@ -217,6 +224,8 @@ def understood(
 ) -> tuple[list[Column], tuple[WordUse, ...]]:
     """Return the columns without those that are not understood, and what to say of these.
 
+    Coordinates stay, in the usual unit.
+
     Raises:
         ReadError: CSV016 for a column that is not understood and was not accepted, unless the file
             is only looked at.
@@ -237,7 +246,8 @@ def understood(
             "rpm; - leaves one out); where you know it to be harmless: "
             f'--accept-words "{",".join(use.word for use in refused)}"',
         )
-    return [replace(c, role="", question="") if c.question else c for c in columns], uses
+    kept = (c.role if c.role in POSITION or not c.question else "" for c in columns)
+    return [replace(c, role=r, question="") for c, r in zip(columns, kept, strict=True)], uses
 
 
 def _without_uncertainties(columns: list[Column], layout: Layout) -> list[Column]:
@@ -300,7 +310,10 @@ def _first_of_each(columns: list[Column], faults: Faults, layout: Layout) -> lis
     """Keep the first column of each role; two of a coordinate have no single meaning."""
     result: list[Column] = []
     seen: set[str] = set()
+    clear = {column.role for column in columns if not column.question}
     for column in columns:
+        if column.question and column.role in clear:
+            column = replace(column, role="")
         if column.role in seen and column.role != "id":
             raise faults.error(
                 "CSV014",

@@ -13,7 +13,6 @@ Heights of a hole without columns of its own: the feed starts 2 mm above the poi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import field
 from itertools import accumulate
 from pathlib import Path
 
@@ -21,8 +20,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray, IndexArray, IntArray
 from postproc.model import MotionKind, ToolPath, WordUse
-from postproc.process import SHALLOW, SMALL
-from postproc.readers.base import HEAD_BYTES, LENGTH_UNITS, READERS, ReadOptions
+from postproc.readers.base import HEAD_BYTES, READERS, ReadOptions
 from postproc.readers.csv.calls import operation_runs, setup_calls, tool_calls
 from postproc.readers.csv.columns import (
     NORMAL,
@@ -35,6 +33,13 @@ from postproc.readers.csv.columns import (
 )
 from postproc.readers.csv.holes import HoleColumns, motion_kinds
 from postproc.readers.csv.orientation import rotations_from, unit_rows
+from postproc.readers.csv.quantities import (
+    Columns,
+    assumptions,
+    check_sizes,
+    in_si,
+    length_unit,
+)
 from postproc.readers.csv.repeats import merged_repeats
 from postproc.readers.csv.roles import BY_NAME
 from postproc.readers.csv.spindle import doubted, spindle_events, turns_of
@@ -49,8 +54,7 @@ from postproc.readers.csv.table import (
     split_row,
 )
 from postproc.readers.text import Faults, text_blocks
-from postproc.records import dataclass
-from postproc.units import INCH_PER_MIN, MM, Dimension
+from postproc.units import MM
 
 FAR_AWAY = 50.0
 """Farther from the origin than this [m] no workpiece of a robot cell lies."""
@@ -61,29 +65,10 @@ MODAL_TEXTS = frozenset({"motion", "tool", "base", "sense"})
 """An empty field of these repeats the row before."""
 KEYS = ("operation", "tool", "base")
 """Rows of one name that differ in these names are not repeated measurements,"""
-_ASSUMED = {
-    Dimension.LENGTH: "lengths in mm",
-    Dimension.ANGLE: "angles in degrees",
-    Dimension.SPEED: "feeds in mm/min",
-    Dimension.TURNS: "spindle speeds in 1/min",
-    Dimension.TIME: "times in s",
-}
 MOST_COLUMNS = 256
 """So many names of a header are looked at to find a point."""
 SURE = 0.45
 """Below what a reader says that knows its own words."""
-
-
-@dataclass(slots=True)
-class _Columns:
-    """All rows: line (n,), numeric columns by role (n,) in SI, texts by role."""
-
-    line: IntArray
-    numbers: dict[str, FloatArray] = field(default_factory=dict)
-    texts: dict[str, list[str]] = field(default_factory=dict)
-    bare: frozenset[str] = frozenset()
-    """Roles whose unit is the usual one, for none is said."""
-    feeds_per_turn: bool = False
 
 
 class CsvReader:
@@ -124,14 +109,14 @@ class CsvReader:
             parts.append(parse_rows(block, layout, numeric, texts, faults))
         if layout is None:
             raise faults.error("CSV002", "no row of data", 1)
-        units = _units(columns, options, faults, layout)
+        units = length_unit(columns, options, faults, layout)
         data = _joined(columns, parts, faults)
         at = next((i for i, column in enumerate(columns) if column.role == "spindle"), None)
         if at is not None:
             columns[at] = doubted(columns[at], data.numbers["spindle"])
             columns, more = understood(columns, options, faults, header)
             uses = (*uses, *more)
-        data = _in_si(columns, data, units)
+        data = in_si(columns, data, units)
         return _toolpath(path, options, layout, units, uses, data, faults)
 
 
@@ -155,11 +140,11 @@ def _used(columns: list[Column]) -> tuple[list[int], list[int]]:
     return [i for i, role in known if not role.is_text], [i for i, role in known if role.is_text]
 
 
-def _joined(columns: list[Column], parts: list[Rows], faults: Faults) -> _Columns:
+def _joined(columns: list[Column], parts: list[Rows], faults: Faults) -> Columns:
     """Return the columns of all blocks, empty fields filled from the row before."""
     numeric, texts = _used(columns)
     line = np.concatenate([part.line for part in parts]).astype(np.int32)
-    joined = _Columns(line)
+    joined = Columns(line)
     for at, column in enumerate(numeric):
         role = columns[column].role
         values = np.concatenate([part.numbers[:, at] for part in parts])
@@ -201,56 +186,13 @@ def _filled(
     return filled
 
 
-def _in_si(columns: list[Column], data: _Columns, units: str) -> _Columns:
-    """Return the rows with all numbers in SI; of a feed per turn the advance of a turn [m]."""
-    roles = [column for column in columns if column.role in data.numbers]
-    numbers = {c.role: data.numbers[c.role] * _factor(c, units) for c in roles}
-    bare = frozenset(c.role for c in roles if c.unit is None and BY_NAME[c.role].dimensions)
-    per_turn = any(c.unit is not None and c.unit.dimension is Dimension.ADVANCE for c in roles)
-    return _Columns(data.line, numbers, data.texts, bare, per_turn)
-
-
-def _factor(column: Column, units: str) -> float:
-    """Return the factor to SI of a column; without a unit of its own it has those of the file."""
-    role = BY_NAME[column.role]
-    if column.unit is not None:
-        return column.unit.factor
-    if Dimension.LENGTH in role.dimensions:
-        return LENGTH_UNITS[units]
-    if Dimension.SPEED in role.dimensions and units == "inch":
-        return INCH_PER_MIN
-    return role.bare
-
-
-def _check_sizes(
-    points: FloatArray, line: IntArray, data: _Columns, options: ReadOptions, faults: Faults
-) -> None:
-    """Ask for the unit of length where the numbers refute the usual one.
-
-    Raises:
-        ReadError: CSV017.
-    """
-    extent = float(np.ptp(points, axis=0).max(initial=0.0)) if len(points) else 0.0
-    depth = float(np.nanmax(np.abs(data.numbers.get("depth", np.zeros(1))), initial=0.0))
-    sizes = (
-        (extent, SMALL, POSITION[0], "all points lie within"),
-        (depth, SHALLOW, "depth", "no hole is deeper than"),
-    )
-    for size, least, role, what in sizes:
-        if options.units is not None or role not in data.bare or not 0.0 < size < least:
-            continue
-        text = f"{what} {size / MM:.4g} mm: the file says no unit of length, and mm is hardly it"
-        hint = "say it in the header (x [m]) or with --units m, inch, or mm where that is meant"
-        raise faults.error("CSV017", text, int(line[0]), hint=hint)
-
-
 def _toolpath(
     path: str,
     options: ReadOptions,
     layout: Layout,
     units: str,
     uses: tuple[WordUse, ...],
-    data: _Columns,
+    data: Columns,
     faults: Faults,
 ) -> ToolPath:
     points = np.column_stack([data.numbers[role] for role in POSITION])
@@ -263,7 +205,7 @@ def _toolpath(
         points, rows = merged
     line = data.line[rows]
     if not options.points_only:
-        _check_sizes(points, line, data, options, faults)
+        check_sizes(points, line, data, options, faults)
     _warn_if_far(points, line, faults)
     axes, rotations = _orientation(data, points, rows, options, faults)
     holes = _hole_columns(data, rows)
@@ -314,15 +256,7 @@ def _texts_of(texts: list[str] | None, rows: IndexArray | slice) -> list[str] | 
     return [texts[row] for row in rows.tolist()]
 
 
-def assumptions(bare: frozenset[str], options: ReadOptions) -> tuple[str, ...]:
-    """Return in words which units of columns (``bare``: roles) are taken for want of others."""
-    found = {dimension for role in bare for dimension in BY_NAME[role].dimensions[:1]}
-    if options.units is not None:
-        found -= {Dimension.LENGTH, Dimension.SPEED}
-    return tuple(text for dimension, text in _ASSUMED.items() if dimension in found)
-
-
-def _hole_columns(data: _Columns, rows: IndexArray | slice) -> HoleColumns:
+def _hole_columns(data: Columns, rows: IndexArray | slice) -> HoleColumns:
     def of(role: str) -> FloatArray | None:
         return data.numbers[role][rows] if role in data.numbers else None
 
@@ -335,20 +269,6 @@ def _hole_columns(data: _Columns, rows: IndexArray | slice) -> HoleColumns:
         dwell=of("dwell"),
         motion=_texts_of(data.texts.get("motion"), rows),
     )
-
-
-def _units(columns: list[Column], options: ReadOptions, faults: Faults, layout: Layout) -> str:
-    """Return the name of the unit of length for columns without one of their own."""
-    units = [column.unit for column in columns if column.role in POSITION]
-    factors = {unit.factor if unit is not None else None for unit in units}
-    named = {name for name, factor in LENGTH_UNITS.items() if factor in factors}
-    if options.units is not None and named and named != {options.units}:
-        raise faults.error(
-            "CSV015",
-            f"the header says {' and '.join(sorted(named))}, but --units says {options.units}",
-            layout.header_line,
-        )
-    return options.units or (min(named) if len(named) == 1 == len(factors) else "mm")
 
 
 def _warn_if_far(points: FloatArray, line: IntArray, faults: Faults) -> None:
@@ -364,7 +284,7 @@ def _warn_if_far(points: FloatArray, line: IntArray, faults: Faults) -> None:
 
 
 def _orientation(
-    data: _Columns,
+    data: Columns,
     points: FloatArray,
     rows: IndexArray | slice,
     options: ReadOptions,
@@ -395,7 +315,7 @@ def _orientation(
 
 
 def _normals_of_surface(
-    data: _Columns,
+    data: Columns,
     points: FloatArray,
     rows: IndexArray | slice,
     options: ReadOptions,
@@ -421,7 +341,7 @@ def _normals_of_surface(
 
 
 def _feeds(
-    data: _Columns,
+    data: Columns,
     rows: IndexArray | slice,
     turns: FloatArray | None,
     kind: IntArray,

@@ -66,7 +66,8 @@ ROLES = (
     Role("id", "name of the point, used in messages and pins",
          "id name tag label no nr index elementname element pointname pointid holeid holename "
          "pointno feature featurename bezeichnung fastener fastenerid fastenername fastenerno "
-         "rivet bolt target point points hole punkt bohrung trou nom numero", is_text=True),
+         "bohrungsnr bohrungsnummer lochnr rivet bolt target "
+         "point points hole punkt bohrung trou nom numero", is_text=True),
     Role("depth", "the point is a hole of this depth below it, along the tool axis",
          "depth tiefe drilldepth boredepth drillingdepth bohrtiefe profondeur", "", LENGTH, MM),
     Role("diameter", "of the hole; shown, not used for the motion",
@@ -79,9 +80,9 @@ ROLES = (
          "bahngeschwindigkeit vitesse fn", FEED, MM_PER_MIN),
     Role("spindle", "speed of the spindle, 1/min: started before the first tag, 0 stops it, a "
          "minus or the sense turns it counterclockwise",
-         "spindle spindlespeed spindel spindeldrehzahl drehzahl broche vitessebroche "
-         "vitessedebroche vitesserotation vitessederotation frequencederotation rotationspeed "
-         "rotationalspeed spindlerotation",
+         "spindle spindlespeed spindlerpm rpm spindel spindeldrehzahl drehzahl broche "
+         "vitessebroche vitessedebroche vitesserotation vitessederotation frequencederotation "
+         "rotationspeed rotationalspeed spindlerotation",
          "s n speed vitesse", (Dimension.TURNS,), RPM),
     Role("sense", "which way the spindle turns: CW or CCW, M3 or M4, 1 or -1; M5 or off stands",
          "sense senseofrotation rotationdirection directionofrotation spindledirection spindledir "
