@@ -31,7 +31,7 @@ def check_units(toolpath: ToolPath, cell: Cell) -> None:
     or inches all are within reach, or on it.
 
     Raises:
-        ReadError: CNV012.
+        ReadError: CNV013.
     """
     assumed = "lengths in mm" in {text.partition(", as ")[0] for text in toolpath.assumed} and not (
         any("feeds" in text for text in toolpath.assumed if "lengths" in text)  # MMPM proves mm
@@ -54,7 +54,7 @@ def check_units(toolpath: ToolPath, cell: Cell) -> None:
             scale = SINGLE[unit].factor / SINGLE["mm"].factor
             if fits(claims.toolpath, tags, here, scale):
                 raise ReadError(
-                    "CNV012",
+                    "CNV013",
                     f"the file says no unit of length; in mm no tag is {what}, in {unit} all are",
                     toolpath.source(int(tags[0])),
                     hint=f"--units {unit}, or --units mm where that is meant",

@@ -47,7 +47,7 @@ def test_what_only_another_unit_brings_within_reach_is_asked(tmp_path, unit, sca
     if unit == "mm":
         check_units(toolpath, cell)
         return
-    with pytest.raises(ReadError, match="CNV012") as caught:
+    with pytest.raises(ReadError, match="CNV013") as caught:
         check_units(toolpath, cell)
     assert f"--units {unit}" in caught.value.hint
     check_units(read(path, options=ReadOptions(units=unit)), cell)
@@ -83,7 +83,7 @@ def test_what_only_another_unit_brings_onto_the_part_is_asked(tmp_path):
     points = np.array([[320, 320, 20], [480, 320, 20], [400, 470, 20]])
     check_units(read(table(tmp_path, points)), cell)
     path = table(tmp_path, points, 1 / 25.4)
-    with pytest.raises(ReadError, match="CNV012") as caught:
+    with pytest.raises(ReadError, match="CNV013") as caught:
         check_units(read(path), cell)
     assert "on the workpiece" in caught.value.message
     check_units(read(path, options=ReadOptions(units="inch")), cell)
