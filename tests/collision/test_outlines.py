@@ -9,6 +9,8 @@ import pytest
 from postproc.cell import RobotSolids, load_cell, load_robot, robot_names
 from postproc.cli import app
 from postproc.collision import Scene
+from postproc.collision.inside import InsideTest, parts_of
+from postproc.collision.links import default_links
 from postproc.collision.outlines import is_measured, upright_solids
 from postproc.collision.pairs import neutral_poses
 from postproc.kinematics import build
@@ -131,3 +133,17 @@ def test_a_scene_kept_at_a_distance_tells_the_same_whenever_it_is_made():
     after = scene.kept(0.01)
     assert before.findings == after.findings == scene.findings
     assert len(before.pair_bodies) == len(after.pair_bodies) == len(scene.pairs)
+
+
+def test_neither_set_of_solids_encloses_the_other():
+    """Of the paper's arm: the upper arm of the simple hulls stands on the other side."""
+    robot = load_robot("kuka_kr500_r2830")
+    knobs = np.array([[0.356, 0.235, -0.038], [0.521, 0.225, 0.04], [0.4, -0.2, 0.0]])
+    within = {}
+    for solids in RobotSolids:
+        mesh = default_links(replace(robot, solids=solids), build(robot))[2]
+        within[solids] = InsideTest(mesh, parts_of(mesh)).contains(knobs).tolist()
+    assert within == {
+        RobotSolids.SIMPLE: [True, True, False],
+        RobotSolids.OUTLINE: [False, False, True],
+    }

@@ -3,10 +3,13 @@
     python -m tools.bench holes [--sizes 1000 10000] [--hard 10000] [--other CHECKOUT]
 
 Each case is one command in a process of its own, from start of Python to the files that land:
-read, plan with the default objective, write, lint, run the text, compare, strokes swept against 23
-solids. ``--hard`` names sizes that also run with the four beams between robot and panel.
-``--other`` names another checkout, of the last release for instance, that runs the same cases in
-turn with this one; then the ratios count, whatever else the machine does.
+read, plan with the default objective, write, lint, run the text, compare, strokes swept. The cell
+is a user's (``cells``): the arm with its default solids, a panel of 4,096 triangles, eight
+fixtures; ``hard`` has four beams between robot and panel; ``fine`` is the same panel as 262,144
+triangles, ``clamps`` has ten clamps of 20,000 beside it, both with the first of the sizes, and so
+has ``boxes``: the first cell with boxes as the links of the arm, which no user has. ``--other``
+names another checkout, of the last release for instance, that runs the same cases in turn with this
+one; then the ratios count, whatever else the machine does, and whether the files are the same.
 """
 
 from __future__ import annotations
@@ -25,19 +28,22 @@ import numpy as np
 from postproc.cell import MeshPlacement
 from postproc.geometry import kuka_from_transform
 from tests.cells import STIFFNESS
+from tools.bench.cells import holes_file, write_cells
 from tools.bench.workload import WORKLOADS, workload_cell
 
 _NOT_A_USERS = ("PYTHONDONTWRITEBYTECODE", "PYTHONUNBUFFERED")
 ROOT = Path(__file__).resolve().parents[2]
 SIZES = (1000, 10000)
+BOXES = "boxes"
+"""The cell whose arm is made of boxes."""
 
 
 class Used(NamedTuple):
-    """Processor time [s] and peak memory [MiB] of a command; whether there is a program."""
+    """Processor time [s] and peak memory [MiB] of a command; program files, None: it fails."""
 
     cpu: float
     mb: float
-    is_good: bool
+    files: dict[str, bytes] | None
 
 
 def cell_file(target: Path, *, hard: bool = False, folder: Path = WORKLOADS) -> Path:
@@ -101,17 +107,22 @@ def converted(source: Path, cell: Path, folder: Path, checkout: Path = ROOT) -> 
     code = os.waitstatus_to_exitcode(status)
     if code not in (0, 1):
         raise SystemExit((folder / "said.txt").read_text(encoding="utf-8"))
-    return Used(used.ru_utime + used.ru_stime, used.ru_maxrss / 1024.0, code == 0)
+    written = {file.name: file.read_bytes() for file in sorted((folder / "out").glob("*.[sd]*"))}
+    return Used(used.ru_utime, used.ru_maxrss / 1024.0, written if code == 0 else None)
 
 
 def measured(
-    size: int, *, hard: bool, other: Path | None = None, workloads: Path = WORKLOADS
+    size: int, kind: str, other: Path | None = None, workloads: Path = WORKLOADS
 ) -> tuple[Used, Used | None]:
     """Return what one case uses here and, right after, in another checkout."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        cell = cell_file(folder / "cell.toml", hard=hard, folder=workloads)
-        source = workloads / f"workload_{size}.csv"
+        if kind == BOXES:
+            cell = cell_file(folder / "boxes.toml", folder=workloads)
+        else:
+            write_cells(folder, workloads)
+            cell = folder / f"{kind}.toml"
+        source = holes_file(size, folder, workloads)
         own = converted(source, cell, folder)
         return own, None if other is None else converted(source, cell, folder, other)
 
@@ -126,14 +137,18 @@ def main() -> None:
     parser.add_argument("--hard", type=int, nargs="*", default=[SIZES[-1]])
     parser.add_argument("--other", type=Path, metavar="CHECKOUT")
     arguments = parser.parse_args()
-    print(f"{'scene':>6}{'holes':>7}{'cpu s':>8}{'MB':>6}{'other: cpu s':>14}{'MB':>6}{'ratio':>7}")
-    cases = [(size, False) for size in arguments.sizes] + [(size, True) for size in arguments.hard]
-    for size, hard in cases:
-        own, other = measured(size, hard=hard, other=arguments.other, workloads=arguments.workloads)
-        line = f"{'hard' if hard else 'open':>6}{size:>7}{own.cpu:>8.2f}{own.mb:>6.0f}"
+    cases = [(size, "cell") for size in arguments.sizes]
+    cases += [(size, "hard") for size in arguments.hard]
+    kinds = ["fine", "clamps", *([BOXES] if arguments.workloads.is_dir() else [])]
+    cases += [(size, kind) for size in arguments.sizes[:1] for kind in kinds]
+    print(f"{'cell':>7}{'holes':>7}{'cpu s':>8}{'MB':>6}{'other: cpu s':>14}{'MB':>6}{'ratio':>7}")
+    for size, kind in cases:
+        own, other = measured(size, kind, arguments.other, arguments.workloads)
+        line = f"{kind:>7}{size:>7}{own.cpu:>8.2f}{own.mb:>6.0f}"
         if other is not None:
             line += f"{other.cpu:>14.2f}{other.mb:>6.0f}{own.cpu / other.cpu:>7.2f}"
-        print(line if own.is_good else f"{line}  no program", flush=True)
+            line += "" if own.files == other.files else "  files differ"
+        print(line if own.files is not None else f"{line}  no program", flush=True)
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ from pathlib import Path
 
 from postproc.version import __version__
 from tools.bench.harness import alone, spent
-from tools.bench.holes import measured
+from tools.bench.holes import BOXES, measured
 from tools.bench.planning import OPTIMA, PEER_MOST
 from tools.bench.workload import WORKLOADS
 
@@ -97,6 +97,15 @@ def _peer(python: str | None) -> Iterator[str]:
         )
 
 
+USERS = {
+    "cell": "open, the arm's default solids",
+    "hard": "four beams",
+    "fine": "panel of 262,144 triangles",
+    "clamps": "ten clamps of 20,000 triangles",
+    BOXES: "open, an arm of boxes that no user has",
+}
+
+
 def holes(arguments: argparse.Namespace) -> Iterator[str]:
     """Yield the section on drilling as users run it."""
     yield "## Holes, the whole command\n"
@@ -109,13 +118,14 @@ def holes(arguments: argparse.Namespace) -> Iterator[str]:
     )
     yield "| cell | holes | time [s] | memory [MB] | before [s] | before [MB] | ratio |"
     yield "| --- | --: | --: | --: | --: | --: | --: |"
-    for size, hard in ((1000, False), (10000, False), (1000, True), (10000, True)):
-        own, other = measured(size, hard=hard, other=arguments.other)
+    cases = [(1000, "cell"), (10000, "cell"), (1000, "hard"), (10000, "hard")]
+    for size, kind in (*cases, (1000, "fine"), (1000, "clamps"), (1000, BOXES)):
+        own, other = measured(size, kind, other=arguments.other)
         more = (
             "" if other is None else f"{other.cpu:.1f} | {other.mb:.0f} | {own.cpu / other.cpu:.2f}"
         )
         yield (
-            f"| {KINDS['hard' if hard else 'base']}{'' if own.is_good else ' (tags fail)'} "
+            f"| {USERS[kind]}{' (tags fail)' if own.files is None else ''} "
             f"| {size} | {own.cpu:.1f} | {own.mb:.0f} | {more or '| |'} |"
         )
 

@@ -93,8 +93,8 @@ class RobotTable(Table):
     )
     solids: Annotated[RobotSolids, CHOICE] = Field(
         default=RobotSolids.OUTLINE,
-        description="solids of a built-in arm: outline encloses the real one, simple hulls are "
-        "thinner by up to 0.7 m in places",
+        description="solids of a built-in arm: outline encloses the real one, simple hulls do "
+        "not, by up to 0.7 m, nor does one of the two enclose the other",
     )
     link_meshes: list[LinkSolid] = Field(
         default=[], description="your own solids of the links instead of the built-in hulls"
