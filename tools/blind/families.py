@@ -1,9 +1,10 @@
 """Families of campaigns, each a way to be wrong, and the table of each.
 
 Within a family every case is drawn from the seed and its number alone. Judged as all others, with
-three marks more: right inside the library (no wrong name outright, the largest effect in the named
-set, not left unexplained), rows of a real cause taken for measuring faults, and how many points
-lie in their promised radius.
+some marks more: right inside the library (no wrong name outright, the largest effect in the named
+set, not left unexplained, nor undetermined where the noise is told), rows of a real cause taken for
+measuring faults, pages that their numbers contradict, and how many points lie in their promised
+radius.
 """
 
 from __future__ import annotations
@@ -197,6 +198,7 @@ def _right_inside(mark: Record) -> bool | None:
         not mark["wrong_outright"]
         and mark["main_in_set"] is not False
         and mark["verdict"] != "unexplained"
+        and not (mark["noise_told"] and mark["verdict"] == "undetermined")
     )
 
 

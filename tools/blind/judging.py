@@ -43,6 +43,7 @@ def judge(answer: Record, record: Record) -> Record:
         "wrong_outright": [name for name in wrong if not twins.get(name, set()) & right],
         "seconds": record["seconds"],
         "contradictions": record.get("contradictions"),
+        "noise_told": answer.get("noise_told"),
     }
     marks |= _naming(answer, adopted, twins)
     marks |= _verdict(answer, marks)
