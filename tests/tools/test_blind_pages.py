@@ -31,6 +31,11 @@ OPEN = {"name": "backlash", "adopted": True, "probability": 0.5, "confounded_wit
 SET = OPEN | {"probability": 0.95, "confounded_with": ["servo_lag"]}
 WARM = {"rms_mm": 0.034, "depends_on": [{"name": "temperature", "p_value": 0.0005}]}
 
+LARGE = {
+    "rms_mm": 0.034,
+    "depends_on": [{"name": "temperature", "p_value": 1e-9, "rms_mm": 0.03}],
+}
+
 
 @pytest.mark.parametrize(
     ("sentence", "changes", "why"),
@@ -49,6 +54,11 @@ WARM = {"rms_mm": 0.034, "depends_on": [{"name": "temperature", "p_value": 0.000
             "Nothing is seen to follow time.",
             {"residual": {"depends_on": [{"name": "time", "p_value": 1e-5}]}},
             "time has",
+        ),
+        (
+            "Explained: what remains, 0.034 mm, is no larger than noise, but follows temperature.",
+            {"residual": LARGE},
+            "mm follow temperature",
         ),
         ("No cause.", {}, "are adopted"),
         ("No gap: what is measured, 0.310 mm, looks like noise.", {}, "are adopted"),

@@ -16,6 +16,8 @@ SURE = 1e-3
 """Probability by chance below which a rest that follows a column is no noise."""
 DOUBTFUL = 0.9
 """Probability below which a cause is open, and with it something ambiguous."""
+TRIFLE = 1.0 / 3.0
+"""Share of the noise below which a part that follows something is no gap."""
 NOISE = 1.5
 """How many times its noise a rest may have and still look like it."""
 
@@ -61,13 +63,23 @@ def _noise_size(content: Document, told: re.Match[str]) -> str:
 
 
 def _no_gap(content: Document, told: re.Match[str]) -> str:
-    return f"{content['adopted']} are adopted" if content["adopted"] else _noise_size(content, told)
+    named = f"{content['adopted']} are adopted" if content["adopted"] else ""
+    return named or _noise_size(content, told) or _calm(content, told)
 
 
 def _explained(content: Document, told: re.Match[str]) -> str:
+    """What is explained leaves nothing that surely follows a column and is no trifle."""
     if content["verdict"] != "explained":
         return f"the verdict is {content['verdict']}"
-    return _noise_size(content, told)
+    return _noise_size(content, told) or _calm(content, told)
+
+
+def _calm(content: Document, told: re.Match[str]) -> str:
+    least = TRIFLE * 3.0**0.5 * (content["noise"]["sigma_mm"] or 0.0)
+    for test in content["residual"]["depends_on"]:
+        if test["p_value"] < SURE and test.get("rms_mm", 0.0) > least:
+            return f"{test['rms_mm']:g} mm follow {test['name']} with p = {test['p_value']:g}"
+    return ""
 
 
 def _ambiguous(content: Document, told: re.Match[str]) -> str:
