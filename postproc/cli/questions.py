@@ -13,16 +13,16 @@ from postproc.errors import CellError
 
 STARTS = ("program", "unit", "hand")
 AXES = ("+x", "-x", "+y", "-y", "+z", "-z")
-_HOME = "0 -90 90 0 45 0"
 
 
-def ask(options: dict[str, Any], propose: Callable[[], bool]) -> None:
+def ask(options: dict[str, Any], propose: Callable[[], bool], free_home: Callable[[], str]) -> None:
     """Ask for what the call does not say.
 
     Args:
         options: of the call; the answers are put in.
         propose: puts a place of the workpiece in, made from ``options["input"]``; False where the
             file or the arm allows none.
+        free_home: six angles [deg] of a home that is free of collision, "-" where none is found.
     """
     if options["robot"] is None and options["urdf"] is None:
         click.echo("Name of the arm as on its plate; `postproc robots` lists all.", err=True)
@@ -52,7 +52,8 @@ def ask(options: dict[str, Any], propose: Callable[[], bool]) -> None:
         _put(options, "workpiece_abc", question, "0 0 0", numbers(3))
     _put(options, "base_number", "BASE number on the controller", "1", int)
     _files(options, "workpiece_mesh", "Mesh of the workpiece in CAM coordinates")
-    _put(options, "home", "Home, A1 to A6 [deg], - = none", _HOME, _home)
+    if options["home"] is None:
+        _put(options, "home", "Home, A1 to A6 [deg], - = none", free_home(), _home)
     if options["spindle"] is None:
         question = "Who starts the spindle: the program, the end effector (unit), or a person"
         choice = click.Choice(STARTS)

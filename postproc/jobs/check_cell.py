@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
@@ -25,7 +26,7 @@ from postproc.errors import CellError, EmitError, Finding, Severity, SourceRef
 from postproc.geometry import across, inverse, kuka_from_transform, rotation_about, transform
 from postproc.jobs.arm_doubts import arm_doubts
 from postproc.kinematics import Kinematics, build, is_coaxial_with_axis_6, wrist_distance
-from postproc.planning import PlanOptions, settle
+from postproc.planning import PlanOptions, free_posture, settle
 from postproc.records import dataclass
 from postproc.toml import Location, TomlText
 from postproc.units import DEG, MM, NMM_PER_RAD
@@ -215,6 +216,12 @@ def _home(context: _Context) -> Iterator[Finding]:
     cell, kinematics = context.cell, context.kinematics
     home = cell.motion.home
     if home is None:
+        text = "no home_deg: programs begin by a PTP from wherever the arm stands"
+        frames = itertools.product(range(len(cell.tools)), range(len(cell.bases)))
+        free = free_posture(cell, frames)
+        hint = "" if free is None else f"home_deg = {np.round(free / DEG).tolist()} is free"
+        found = context.finding(Severity.WARNING, "CEL147", text, "motion")
+        yield replace(found, hint=hint)
         return
     for pair, name in _home_hits(context, home):
         text = f"{name}the robot collides at home: {pair}"

@@ -35,6 +35,7 @@ from postproc.planning.states import (
     settle,
     stand_ins,
 )
+from postproc.planning.stretches import free_posture
 
 __all__ = [
     "CLOSE",
@@ -55,6 +56,7 @@ __all__ = [
     "cell_at",
     "colliding_pose",
     "frames_across",
+    "free_posture",
     "grade_counts",
     "has_pose",
     "near_solids",

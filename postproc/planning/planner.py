@@ -140,7 +140,19 @@ def _plan_in(
         ),
         lambda part, here: checker_of(part, here, settings),
     )
-    return replace(result, findings=(*claims.findings, *result.findings, *_left_out_note(result)))
+    notes = [*_left_out_note(result), *_home_note(result, cell)]
+    return replace(result, findings=(*claims.findings, *result.findings, *notes))
+
+
+def _home_note(result: Plan, cell: Cell) -> list[Finding]:
+    """Return where a program without a home begins and ends."""
+    if cell.motion.home is not None or not len(result):
+        return []
+    text = (
+        "no [motion] home_deg: the first motion is a PTP from wherever the arm stands, which is "
+        "not checked, and the program ends above the last point"
+    )
+    return [Finding(Severity.NOTE, "PLN312", text)]
 
 
 def _left_out_note(result: Plan) -> list[Finding]:

@@ -7,7 +7,7 @@ stands clear of everything.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -105,23 +105,29 @@ def _with_home(cell: Cell, stretches: list[ToolStretch]) -> Cell:
     """Return the cell with a posture to change tools in."""
     if cell.motion.home is not None:
         return cell
-    from postproc.collision import Scene
-
-    kinematics = build(cell.robot)
-    postures = _folded(cell)
-    free = kinematics.within_limits(postures, cell.limits.joint_margin)
-    for tool, base in sorted({(stretch.tool, stretch.base) for stretch in stretches}):
-        free &= ~Scene.shared(cell.with_tool(tool, base), kinematics).check(postures).hit
-    if not free.any():
+    home = free_posture(cell, {(stretch.tool, stretch.base) for stretch in stretches})
+    if home is None:
         raise CellError(
             "PLN210",
             "no folded posture was found that is free with every tool, to change them in",
             SourceRef(cell.path),
             hint="give [motion] home_deg, a posture in which the tools are changed",
         )
-    home = postures[int(np.argmax(free))]
     return replace(cell, motion=replace(cell.motion, home=home))
 
 
-def _folded(cell: Cell) -> FloatArray:
-    return np.array([(side, *_FOLDED) for side in _SIDES]) * DEG
+def free_posture(cell: Cell, frames: Iterable[tuple[int, int]] = ((0, 0),)) -> FloatArray | None:
+    """Return a folded posture (6,) [rad] within limits and free of collision; None: not found.
+
+    Args:
+        cell: with its tools and bases.
+        frames: tools and bases with which it has to be free, as indices.
+    """
+    from postproc.collision import Scene
+
+    kinematics = build(cell.robot)
+    postures = np.array([(side, *_FOLDED) for side in _SIDES]) * DEG
+    free = kinematics.within_limits(postures, cell.limits.joint_margin)
+    for tool, base in sorted(frames):
+        free &= ~Scene.shared(cell.with_tool(tool, base), kinematics).check(postures).hit
+    return postures[int(np.argmax(free))] if free.any() else None

@@ -28,6 +28,9 @@ def part(tmp_path):
     return tmp_path
 
 
+HAND = '[process]\nspindle = "hand"\n'
+
+
 def cell_of(folder, *tables, **changes):
     path = folder / "cell.toml"
     path.write_text(cell_text(FEED, STIFFNESS, *tables, **changes))
@@ -35,7 +38,7 @@ def cell_of(folder, *tables, **changes):
 
 
 def test_the_program_that_is_named_is_the_one_to_start(part, capsys):
-    cell = cell_of(part, "[krl]\nmax_points_per_file = 20\n")
+    cell = cell_of(part, "[krl]\nmax_points_per_file = 20\n", HAND)
     code, out, _ = call(capsys, "convert", part / "holes.csv", "--cell", cell, "-o", part / "out")
     assert code == 0
     assert len(list((part / "out").glob("*.src"))) > 1

@@ -262,7 +262,7 @@ def test_check_says_what_the_cell_is(capsys):
     assert document["tool"]["xyz_mm"] == [107.0, 0.0, 362.0]
     assert document["tool"]["axis"] == "+x"
     assert "-z" in document["workpiece"]["reachable_along"]
-    assert set(findings) == {"CEL117", "CEL145"}
+    assert set(findings) == {"CEL117", "CEL145", "CEL147"}
     code, out, err = run(["check", FIXTURE], capsys)
     assert code == 0
     assert "robot      kuka_kr500_r2830" in out
@@ -318,3 +318,22 @@ def test_check_of_a_file_that_does_not_load(tmp_path, capsys):
     code, out, err = run(["check", path, "--json"], capsys)
     assert (code, json.loads(out)["schema"]) == (2, "postproc.error/1")
     assert "error CEL002: unknown key 'limits.clearence_mm'" in err.splitlines()[0]
+
+
+def test_a_home_is_given_refused_or_proposed(tmp_path, capsys):
+    """What is proposed in a pipe is a comment that can be put in, and check asks for a home."""
+    path = tmp_path / "cell.toml"
+    call = ["new-cell", "-o", path, "--force", "--robot", "kuka_kr210_r2700_2", "--home"]
+    assert run([*call, 0, -90, 90, 0, 45, 0], capsys)[0] == 0
+    np.testing.assert_allclose(np.degrees(load_cell(path).motion.home), [0, -90, 90, 0, 45, 0])
+    assert "CEL147" not in checked(path, capsys)[2]
+    assert run([*call, "none"], capsys)[0] == 0
+    assert "is free of collision" not in path.read_text()
+    assert load_cell(path).motion.home is None
+    assert run(call[:-1], capsys)[0] == 0
+    (line,) = (row for row in path.read_text().splitlines() if "is free of collision" in row)
+    code, _, findings = checked(path, capsys)
+    assert (code, findings["CEL147"]["severity"]) == (0, "warning")
+    proposed = line.removeprefix("# ").split(" is free")[0]
+    path.write_text(path.read_text().replace("# home_deg = ...", proposed))
+    assert not {"CEL112", "CEL113", "CEL147"} & set(checked(path, capsys)[2])

@@ -40,7 +40,17 @@ _OF_BACKUP = (
 """Options that do not go with a backup: it says them, or the cell is edited."""
 
 
-@click.command(epilog=EPILOG)
+class _NewCell(click.Command):
+    """Takes ``--home none`` beside six numbers."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        at = args.index("--home") if "--home" in args else len(args)
+        if args[at + 1 : at + 2] == ["none"]:
+            args = [*args[:at], "--no-home", *args[at + 2 :]]
+        return super().parse_args(ctx, args)
+
+
+@click.command(cls=_NewCell, epilog=EPILOG)
 @click.option("-o", "--output", metavar="CELL.toml", help="File to write.")
 @click.option(
     "--robot",
@@ -64,7 +74,13 @@ _OF_BACKUP = (
 @click.option("--workpiece-abc", type=_TRIPLE, metavar="A B C", help="Turn of CAM axes [deg].")
 @click.option("--base-number", type=int, metavar="N", help="BASE number; default: 1.")
 @click.option("--workpiece-mesh", multiple=True, metavar="FILE", help="Solid, in CAM coordinates.")
-@click.option("--home", type=_SIX, metavar="A1 .. A6", help="Posture to begin and end in [deg].")
+@click.option(
+    "--home",
+    type=_SIX,
+    metavar="A1 .. A6|none",
+    help="Posture to begin and end in [deg]; default: a free one is proposed.",
+)
+@click.option("--no-home", is_flag=True, hidden=True)
 @click.option("--spindle", type=click.Choice(STARTS), help="Who starts the spindle.")
 @click.option(
     "--spindle-rpm",
@@ -112,15 +128,18 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         _tell(session, place)
         return True
 
+    options["home"] = () if options["no_home"] else options["home"]
     if sys.stdin.isatty() and not (session.json or session.quiet):
-        ask(options, propose)
+        ask(options, propose, lambda: _free_home(options, output) or "-")
     files = _urdf_files(options, output)
     if options["input"] and options["workpiece_xyz"] is None:
         place.update(_propose(options, output))
         _tell(session, place)
     if not files:
         _must_load(cell_text(_values(options, Path(output.name))))
-    write_files({**files, output: cell_text(_values(options, output)).encode("utf-8")})
+    remarks = {} if options["home"] is not None else {"motion": _home_remark(options, output)}
+    text = cell_text(_values(options, output), remarks)
+    write_files({**files, output: text.encode("utf-8")})
     robot = options["robot"] or options["urdf"]
     facts = {"file": str(output), "robot": robot} | ({"place": place} if place else {})
     session.document({"schema": "postproc.new_cell/1", **facts})
@@ -223,6 +242,27 @@ def _propose(options: dict[str, Any], output: Path) -> dict[str, Any]:
         "margin_deg": round(place.margin / DEG, 3),
         "tags": place.tags,
     }
+
+
+def _free_home(options: dict[str, Any], output: Path) -> str:
+    """Return six angles [deg] of a home that is free of collision in the cell, empty without."""
+    from postproc.cell import cell_text, parse_cell
+    from postproc.errors import PostprocError
+    from postproc.planning import free_posture
+    from postproc.units import DEG
+
+    try:
+        free = free_posture(parse_cell(cell_text(_values(options, output)).encode(), output))
+    except PostprocError:
+        return ""  # the cell says why when it is used
+    return "" if free is None else " ".join(f"{angle / DEG:.0f}" for angle in free)
+
+
+def _home_remark(options: dict[str, Any], output: Path) -> list[str]:
+    """Return the comment that proposes a home, where one is found."""
+    free = _free_home(options, output)
+    angles = ", ".join(free.split())
+    return [f"home_deg = [{angles}] is free of collision: begin and end there?"] if free else []
 
 
 def _tell(session: Session, place: dict[str, Any]) -> None:
