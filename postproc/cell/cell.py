@@ -16,6 +16,7 @@ from postproc.cell.choices import (
     Index,
     Kss,
     MotionStyle,
+    PathEntry,
     PointPlace,
     PointService,
     Preset,
@@ -347,7 +348,8 @@ class Motion:
     may pass a corner at feed for it, ``corner_tolerance`` [m]; ``home`` (6,) [rad];
     ``approach`` [m] above a point without a depth; ``chord`` [m] between an arc and its lines;
     ``thin``: by how much points of cuts may be passed, None: every point is written;
-    ``retract_in_cuts``: whether a cut that no arm configuration serves is left and entered again.
+    ``retract_in_cuts``: whether a cut that no arm configuration serves is left and entered again;
+    ``path_entry``: how the tool comes into a cut that the file does not lead into, and out.
     """
 
     rapid: float
@@ -362,6 +364,7 @@ class Motion:
     arcs: ArcMotion
     thin: Thin | None = None
     retract_in_cuts: bool = False
+    path_entry: PathEntry = PathEntry.AXIS
 
     def __post_init__(self) -> None:
         """Check shapes and freeze."""

@@ -44,6 +44,13 @@ class SpindleStart(StrEnum):
     HAND = auto()
 
 
+class PathEntry(StrEnum):
+    """How a cut is entered that the CAM file does not lead into: along the tool axis, or not."""
+
+    AXIS = auto()
+    NONE = auto()
+
+
 class ArcMotion(StrEnum):
     """Arcs as circular motions where possible, or as lines."""
 

@@ -73,6 +73,7 @@ def motion_of(table: MotionTable) -> Motion:
         if table.thin is None
         else Thin(table.thin.chord_mm * MM, table.thin.axis_deg * DEG),
         retract_in_cuts=table.retract_in_cuts,
+        path_entry=table.path_entry,
     )
 
 

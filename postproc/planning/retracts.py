@@ -1,9 +1,9 @@
 """Cuts that no single arm configuration serves, left and entered again where the cell allows it.
 
-The tool backs off along its axis, the arm goes round to the other configuration clear of
-collisions, and the tool comes down along its axis at the feed to the point that it left. The last
-point before the break serves as long as the tool can leave it; where it cannot, points before it
-that the other configuration reaches too are tried.
+The last point before the break is asked for twice: once as the end of a cut, once as the beginning
+of another, which the route leaves and enters as it does all of them. That serves as long as the
+tool can leave the point; where it cannot, points before it that the other configuration reaches too
+are tried.
 """
 
 from __future__ import annotations
@@ -19,7 +19,6 @@ from postproc.errors import Finding, Severity
 from postproc.model import CUTS, MotionKind, Plan, ToolPath
 from postproc.planning.repeats import as_of
 from postproc.planning.states import REENTRY, Chosen, Problem, entered_anew
-from postproc.process import back_off
 from postproc.units import DEG
 
 _LISTED = 12
@@ -48,7 +47,7 @@ def with_retracts(toolpath: ToolPath, cell: Cell, plan_here: Callable[[ToolPath]
         if not _is_left_elsewhere(toolpath, places, stuck, broken):
             return refused
         at = np.unique(np.array(list(places.values()), dtype=np.int64))
-        result, stuck, broken = _left_at(toolpath, at, back_off(cell), plan_here)
+        result, stuck, broken = _left_at(toolpath, at, plan_here)
     return refused
 
 
@@ -102,33 +101,31 @@ def changes_between(problem: Problem, chosen: Chosen) -> list[Finding]:
 
 
 def _left_at(
-    toolpath: ToolPath, places: IndexArray, height: float, plan_here: Callable[[ToolPath], Plan]
+    toolpath: ToolPath, places: IndexArray, plan_here: Callable[[ToolPath], Plan]
 ) -> tuple[Plan, IndexArray, IndexArray]:
     """Return the plan in which the cuts into tags ``places`` (k,) are left and entered again.
 
     With it the places that the tool cannot leave, and the tags at which other errors stand.
     """
     n, named = len(toolpath), toolpath.named()
-    source = np.sort(np.concatenate([np.arange(n), np.repeat(places - 1, 2)]))
+    source = np.sort(np.concatenate([np.arange(n), places - 1]))
     row = np.searchsorted(source, np.arange(n))
-    above = row[places - 1] + 1
+    again = row[places - 1] + 1
     longer = named.rows(source)
-    points, kind = longer.points.copy(), np.asarray(longer.kind).copy()
-    feed, joints = np.asarray(longer.feed).copy(), longer.joints
-    points[above] += height * longer.axes[above]
-    kind[above], kind[above + 1] = MotionKind.RAPID, MotionKind.LINEAR
-    feed[above], feed[above + 1] = np.nan, np.asarray(toolpath.feed)[places]
+    kind, feed = np.asarray(longer.kind).copy(), np.asarray(longer.feed).copy()
+    kind[again], feed[again] = MotionKind.LINEAR, np.asarray(toolpath.feed)[places]
     anew = np.zeros(len(source), dtype=np.bool_)
-    anew[above] = anew[above + 1] = True
+    anew[again] = True
+    joints = longer.joints
     if joints is not None:
         joints = np.where(anew[:, None], np.nan, joints)
     extra = {**longer.extra, REENTRY: anew}
-    longer = replace(longer, points=points, kind=kind, feed=feed, joints=joints, extra=extra)
+    longer = replace(longer, kind=kind, feed=feed, joints=joints, extra=extra)
     found = plan_here(longer)
     tag = source + anew
     result, errors = as_of(found, toolpath, tag, row), found.failing_tags
     if len(errors):
-        stuck = np.isin(errors, above)
+        stuck = np.isin(errors, again)
         others = np.where(errors < 0, -1, tag[errors])[~stuck]
         return result, tag[errors[stuck]], others
     told = (_told(found, toolpath, int(place), int(row[place])) for place in places)
@@ -137,7 +134,7 @@ def _left_at(
 
 def _told(found: Plan, toolpath: ToolPath, place: int, row: int) -> Finding:
     """Return the warning of a cut that is left before a tag, planned as ``row``."""
-    last, down = (int(np.flatnonzero(found.tag == tag)[-1]) for tag in (row - 3, row - 1))
+    last, down = (int(np.flatnonzero(found.tag == tag)[-1]) for tag in (row - 2, row - 1))
     turned = (found.q[down] - found.q[last]) / DEG
     axis = int(np.argmax(np.abs(turned)))
     text = (

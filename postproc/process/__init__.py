@@ -31,6 +31,7 @@ from postproc.process.material import (
     in_the_cut,
     machining_speeds,
     on_the_way_out,
+    out_of_cut,
     rapid_speeds,
 )
 from postproc.process.order import hole_places, hole_runs, reordered
@@ -114,6 +115,7 @@ __all__ = [
     "on_the_way_out",
     "only",
     "operation_loads",
+    "out_of_cut",
     "peck_count",
     "pecks",
     "rapid_speeds",

@@ -37,6 +37,19 @@ def back_off(cell: Cell) -> float:
     return cell.motion.approach
 
 
+def out_of_cut(toolpath: ToolPath, cell: Cell) -> FloatArray:
+    """Return how high (n,) [m] above each tag a tool is out of a cut that the file goes on with.
+
+    As far as it backs off, and as high as the file itself comes to the cut from: a pocket may be
+    deeper than that. Not where the tool stands another way than there.
+    """
+    kind, points, axes = np.asarray(toolpath.kind), toolpath.points, toolpath.axes
+    above = np.maximum.accumulate(np.where(np.isin(kind, CUTS), -1, np.arange(len(kind))))
+    rise = np.einsum("ij,ij->i", points[above] - points, axes)
+    known = (above >= 0) & (np.einsum("ij,ij->i", axes[above], axes) >= ALONG_AXIS)
+    return np.maximum(np.where(known, rise, 0.0), back_off(cell))
+
+
 def in_material(toolpath: ToolPath, cell: Cell) -> BoolArray:
     """Return (n,) tags at which a cut ends in material.
 

@@ -101,7 +101,7 @@ def _not_led(steps: _Steps, begins: AnyIntArray, led: BoolArray, cell: Cell) -> 
     """
     enough = back_off(cell) - _SLACK
     for first in begins.tolist():
-        height = 0.0
+        height = float(steps.down[first]) if steps.is_along(first) else 0.0
         for motion in steps.before(first):
             if led[motion] or height >= enough:
                 break

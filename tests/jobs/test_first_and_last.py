@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import re
 
+import numpy as np
+import pytest
+
 from postproc.cell import parse_cell
 from postproc.jobs.convert import ConvertRequest, convert, document
 from postproc.krl.text.parse import parse_files
+from postproc.model import MoveKind
+from postproc.units import MM
 from postproc.verification.verify import verify
 
 PLATE = (
@@ -58,10 +63,12 @@ def moves(job):
 
 def test_no_program_begins_in_the_material(tmp_path):
     job = converted(tmp_path, BESIDE + OVER, CELL + PLATE + CLAMP, partial=True)
-    told = [finding for finding in job.findings if "cannot come here" in finding.message]
-    assert [finding.source.line for finding in told] == [7]
-    assert "cutter stands in workpiece plate" in told[0].message
-    assert not any(move == "LIN" and float(z) < 0.0 for move, z in moves(job) if z)
+    first, second = moves(job)[:2]
+    assert (first[0], second) == ("PTP", ("LIN", "-10.0000"))
+    row = int(np.argmax(job.plan.kind == MoveKind.PTP))
+    above, down = job.plan.T_base_tcp[row : row + 2, :3, 3] / MM
+    assert above - down == pytest.approx([0.0, 0.0, 70.0])  # as high as the file comes from
+    assert job.plan.speed[row + 1] == pytest.approx(0.01)
 
 
 def test_verify_sees_where_the_first_motion_of_a_program_ends(tmp_path):
@@ -90,7 +97,7 @@ def test_a_program_that_stops_before_the_end_of_the_file_leaves_the_material(tmp
     job = converted(tmp_path, OVER[::-1] + BESIDE, CELL + PLATE + CLAMP, partial=True)
     *_, before, last, off = moves(job)
     assert (before[0], float(before[1])) == ("LIN", -10.0)
-    assert (last[0], float(last[1])) == ("LIN", 40.0)
+    assert (last[0], float(last[1])) == ("LIN", 60.0)
     assert off[0] == "PP_SPINDLE_OFF"
 
 

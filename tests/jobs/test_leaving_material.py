@@ -25,14 +25,22 @@ def behind_cut(job, end=(60.0, 0.0, -5.0)):
     return found[last + 1 :]
 
 
-@pytest.mark.parametrize(
-    ("cell", "rest"), [(CELL, HOLE), (HOME, ""), (CELL, BEHIND)], ids=["hole", "home", "behind"]
-)
-def test_a_joint_motion_behind_a_cut_begins_above_it(tmp_path, cell, rest):
-    job = converted(tmp_path, HEAD + CUT + rest + "FINI\n", cell=cell)
+@pytest.mark.parametrize("rest", [HOLE, BEHIND], ids=["hole", "behind"])
+def test_a_joint_motion_behind_a_cut_begins_above_it(tmp_path, rest):
+    job = converted(tmp_path, HEAD + CUT + rest + "FINI\n")
     first, second = behind_cut(job)[:2]
     assert (first.word, first.speed, second.word) == ("LIN", RAPID, "PTP")
     assert np.allclose(first.point, [60.0, 0.0, 45.0], atol=1e-3)
+
+
+@pytest.mark.parametrize("cell", [CELL, HOME], ids=["here", "home"])
+def test_a_file_that_ends_in_a_cut_is_left_with_the_feed(tmp_path, cell):
+    """As high as the file itself came from."""
+    job = converted(tmp_path, HEAD + CUT + "FINI\n", cell=cell)
+    first, *rest = behind_cut(job)
+    assert (first.word, first.speed) == ("LIN", 0.01)
+    assert np.allclose(first.point, [60.0, 0.0, 80.0], atol=1e-3)
+    assert ("PTP" in [step.word for step in rest]) is (cell is HOME)
 
 
 def test_it_backs_off_along_its_own_axis(tmp_path):
@@ -81,7 +89,7 @@ def test_verify_names_a_rapid_from_within_material(tmp_path, run, cell, rest):
     words = ("--cell", tmp_path / "cell.toml", "--against", tmp_path / "part.apt", "--json")
     good, bad = tmp_path / "good.src", tmp_path / "bad.src"
     good.write_text(program(job))
-    bad.write_text(without(program(job), r"LIN \{X 60\.0000,Y 0\.0000,Z 45\.0000"))
+    bad.write_text(without(program(job), r"LIN \{X 60\.0000,Y 0\.0000,Z (?:45|80)\.0000"))
     assert run("verify", good, *words)[0] == 0
     code, output = run("verify", bad, *words)[:2]
     assert code == 1

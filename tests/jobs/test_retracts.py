@@ -240,7 +240,7 @@ def test_where_the_tool_cannot_rise_at_the_last_point_it_is_left_earlier(tmp_pat
     job = convert(ConvertRequest("rim", "cell"), toolpath=toolpath, cell=cell)
     assert job.good
     (told,) = (finding for finding in job.findings if finding.code == "PLN310")
-    assert told.tag_index == (7 if height == 10 else 6)
+    assert told.tag_index == 6  # as high as the file comes to the cut from, at least
     modules = parse_files(job.files)
     assert verify(modules, modules[0].name, cell, toolpath).ok
 

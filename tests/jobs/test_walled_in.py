@@ -54,7 +54,13 @@ def test_a_home_that_stands_in_something_is_named_with_what_and_where(tmp_path):
 
 
 def test_a_cut_that_begins_in_material_is_named_with_what_and_where(tmp_path):
-    buried = "UNITS/MM\nFEDRAT/600,MMPM\nGOTO/0,0,-5,0,0,1\nGOTO/60,0,-5\nFINI\n"
-    (text,) = failures(tmp_path, SOLID, buried)
+    buried = "UNITS/MM\nFEDRAT/600,MMPM\nGOTO/0,0,-60,0,0,1\nGOTO/60,0,-60\nFINI\n"
+    text = " ".join(failures(tmp_path, SOLID, buried))
     assert "the tool cannot come here: tool cutter stands in workpiece" in text
     assert re.search(r"about \[.*\] mm from the robot root", text)
+
+
+def test_a_cut_that_begins_in_material_is_entered_with_the_feed(tmp_path):
+    """Whatever the cutter takes away on its way down, it takes away as it cuts."""
+    shallow = "UNITS/MM\nFEDRAT/600,MMPM\nGOTO/0,0,-5,0,0,1\nGOTO/60,0,-5\nFINI\n"
+    assert failures(tmp_path, SOLID, shallow) == []

@@ -121,7 +121,7 @@ def test_spin_is_even_between_two_key_tags(make_cell, make_path):
     result = plan(
         line(make_path, 1680, 555, 508), paper_cell(make_cell, 214, 116, "ellipsoid", AS_THE_PAPER)
     )
-    steps = np.diff(result.spin) / DEG
+    steps = np.diff(result.spin[1:-1]) / DEG  # without the ways in and out
     assert np.allclose(steps, steps[0], atol=1e-5)
 
 

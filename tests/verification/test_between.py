@@ -87,7 +87,7 @@ class Program:
                 elif isinstance(item, Move):
                     on_path = not item.word.is_axis_motion
                     cuts.append((item.line, on_path, on_path and speed < 0.1))
-            for (line, _, here), (_, on_path, after) in pairwise(cuts):
+            for (line, _, here), (_, on_path, after) in pairwise(cuts[:-1]):  # the last leads out
                 if here and (after or (self.drills and on_path)):
                     yield Path(module.src_path).name, line
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from postproc.cell.choices import ArcMotion, PointService
+from postproc.cell.choices import ArcMotion, PathEntry, PointService
 from postproc.cell.schema.table import CHOICE, NotNegative, Positive, Table
 
 SixAngles = Annotated[
@@ -75,6 +75,12 @@ class MotionTable(Table):
         default=False,
         description="leave a cut that no single arm configuration serves by approach_mm along the "
         "tool axis, and enter it there again in another one, with a warning; false: refuse it",
+    )
+
+    path_entry: Annotated[PathEntry, CHOICE] = Field(
+        default=PathEntry.AXIS,
+        description="into a cut that the CAM file does not lead into, and out of one at its end: "
+        "axis: by approach_mm straight along the tool axis, with the feed; none: by joint moves",
     )
 
     @model_validator(mode="after")

@@ -11,8 +11,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from postproc.arrays import BoolArray, FloatArray, stepped
 from postproc.model import BLEND_SHARE, LEAST_BLEND, MoveKind, MoveRole
-from postproc.planning.route.drill import ARRIVE, LEAVE
-from postproc.planning.states import Moves, Problem, entered_anew
+from postproc.planning.route.drill import ARRIVE, DOWN, LEAVE
+from postproc.planning.states import Moves, Problem
 
 _EXACT = frozenset({MoveRole.ENTRY, MoveRole.PLUNGE, MoveRole.LIFT})
 _SHORT = 1e-9
@@ -46,7 +46,7 @@ def wished_blends(
     blend[:-1] = np.minimum(blend[:-1], BLEND_SHARE * reach[1:])
     exact = np.isin(table.role, list(_EXACT)) | (table.dwell > 0.0)
     exact[:-1] |= np.isin(table.role[1:], list(_EXACT)) | stops_before[1:]
-    exact |= (table.role == MoveRole.CUT) & entered_anew(problem.toolpath)[table.tag]
+    exact |= table.order == DOWN
     touching = np.isin(table.role, (MoveRole.CUT, MoveRole.PLUNGE, MoveRole.LIFT))
     exact[:-1] |= touching[:-1] != touching[1:]
     exact[:-1] |= (table.role[:-1] == MoveRole.RETRACT) & (table.role[1:] == MoveRole.RETRACT)

@@ -9,7 +9,7 @@ from postproc.cell import ArcMotion
 from postproc.errors import PlanError
 from postproc.geometry import angle_between, arc_points, arc_poses
 from postproc.model import CUTS, MotionKind, MoveKind, MoveRole
-from postproc.planning.route.drill import ARRIVE
+from postproc.planning.route.drill import ARRIVE, DOWN
 from postproc.planning.states import Chosen, Moves, Problem, moves
 from postproc.process import feeds_of
 from postproc.units import DEG
@@ -28,22 +28,30 @@ TILTED_PIECE = 15.0 * DEG
 controller turns the tool about one axis from the start to the end of a piece."""
 
 
-def cut_moves(problem: Problem, chosen: Chosen, leaves: FloatArray) -> list[Moves]:
+def cut_moves(
+    problem: Problem, chosen: Chosen, arrives: FloatArray, leaves: FloatArray
+) -> list[Moves]:
     """Return the moves of all linear and circular cuts.
 
     Args:
         problem: what is asked.
         chosen: poses of the tags.
+        arrives: (n, 6) joints in which the tool arrives at each tag, above where a cut begins.
         leaves: (n, 6) joints in which the tool leaves each tag.
     """
     kind = np.asarray(problem.toolpath.kind)
     feed = feeds_of(problem.toolpath, problem.cell)
     cuts = np.isin(kind, CUTS) & chosen.good
     entered = np.nonzero(cuts & chosen.entry)[0]
+    height = problem.ways_in[entered]
+    top = problem.placement.tcp(entered, chosen.attitude[entered], height)
     T = problem.placement.tcp(np.arange(len(chosen.q)), chosen.attitude)
     q, external = chosen.q, problem.placement.external
-    there = (T[entered], q[entered], external[entered])
+    there = (top, arrives[entered], external[entered])
     parts = [moves(entered, ARRIVE, MoveKind.PTP, MoveRole.ENTRY, there)]
+    down = entered[height > 0.0]
+    there = (T[down], q[down], external[down])
+    parts.append(moves(down, DOWN, MoveKind.LIN, MoveRole.CUT, there, feed[down]))
     lines = np.nonzero(cuts & ~chosen.entry & (kind == MotionKind.LINEAR))[0]
     there = (T[lines], q[lines], external[lines])
     parts.append(moves(lines, _CUT, MoveKind.LIN, MoveRole.CUT, there, feed[lines]))

@@ -11,6 +11,8 @@ from postproc.process import FEED_OUT, feeds_of, pecks
 
 ARRIVE = 100
 """Order of the move that arrives at a tag; moves on the way there come before."""
+DOWN = 101
+"""Order of the move by which the tool comes down to a tag at which a cut begins."""
 _CLEAR = 110
 _FIRST_PECK = 120
 _OUT = 999_999

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.cell import PathEntry
 from postproc.errors import Finding
 from postproc.geometry import inverse
 from postproc.model import CUTS, EventKind, MotionKind, MoveKind, MoveRole
@@ -39,6 +40,7 @@ _NOT_SEARCHED = (
     f"after {GIVE_UP} connections without a free way only backing off along the tool axis was tried"
 )
 _STUCK = "the tool cannot back off along its axis from the end of the cut"
+_NO_WAY_IN = "the tool cannot come down along its axis to where the cut begins"
 
 
 HOME = -1
@@ -83,9 +85,10 @@ def route(checker: Checker, chosen: Chosen, *, goes_on: bool = False, runs: bool
     gaps: list[Gap] = []
     holes = hole_moves(problem, checker.strokes, chosen)
     arrives, leaves = _ends(problem, checker, chosen, np.arange(len(problem)))
-    parts = [*holes, *cut_moves(problem, chosen, leaves)]
+    findings += _shut_in(checker, chosen, arrives)
+    parts = [*holes, *cut_moves(problem, chosen, arrives, leaves)]
     parts += _free_tags(problem, chosen)
-    parts += _first_and_last(checker, chosen, arrives, findings, gaps, goes_on=goes_on)
+    parts += _first_and_last(checker, chosen, arrives, leaves, findings, gaps, goes_on=goes_on)
     table = in_order(parts)
     ends, arriving = _connections(checker, chosen, table, arrives, leaves)
     as_line, blocked = _decide(checker, chosen, ends, findings, gaps, runs=runs)
@@ -118,13 +121,40 @@ def _ends(
     problem: Problem, checker: Checker, chosen: Chosen, tags: IndexArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the joints (n, 6) in which the tool arrives at and leaves tags (m,)."""
-    q = chosen.q.copy()
-    tags = tags[checker.strokes.is_stroke[tags] & chosen.good[tags]]
-    if len(tags):
-        top = problem.placement.tcp(tags, chosen.attitude[tags], checker.strokes.top[tags])
-        external = problem.placement.external[tags]
-        q[tags], _ = problem.solve(top, external, chosen.branch[tags], chosen.q[tags])
-    return q, q
+    height, ends = _arrival_heights(problem, chosen), []
+    for top in (height, checker.strokes.top):
+        q, at = chosen.q.copy(), tags[(top[tags] > 0.0) & chosen.good[tags]]
+        T = problem.placement.tcp(at, chosen.attitude[at], top[at])
+        external = problem.placement.external[at]
+        solved, reached = problem.solve(T, external, chosen.branch[at], chosen.q[at])
+        q[at] = np.where(reached[:, None], solved, chosen.q[at])
+        ends.append(q)
+    return ends[0], ends[1]
+
+
+def _arrival_heights(problem: Problem, chosen: Chosen) -> FloatArray:
+    """Return how high (n,) [m] above tags the tool arrives: at the top of a stroke or a way in."""
+    return np.where(chosen.entry, problem.ways_in, 0.0) + problem.strokes.top
+
+
+def _shut_in(checker: Checker, chosen: Chosen, arrives: FloatArray) -> list[Finding]:
+    """Return why the tool cannot come down straight to tags at which cuts begin."""
+    problem = checker.problem
+    tags = np.flatnonzero(chosen.entry & chosen.good & (problem.ways_in > 0.0))
+    none, height = np.zeros(len(tags)), problem.ways_in[tags]
+    external = problem.placement.external[tags]
+    ends = Ends(tags, tags, none, none, chosen.q[tags], arrives[tags], external, height)
+    is_free = backed_off(checker, ends, chosen.attitude, chosen.branch)[1]
+    return [
+        failure(
+            problem,
+            int(tags[row]),
+            why_stuck(checker, ends, row, chosen.attitude, chosen.branch),
+            _NO_WAY_IN,
+            _lead_out(checker, ends, row, chosen),
+        )
+        for row in np.flatnonzero(~is_free).tolist()
+    ]
 
 
 def _free_tags(problem: Problem, chosen: Chosen) -> list[Moves]:
@@ -141,6 +171,7 @@ def _first_and_last(
     checker: Checker,
     chosen: Chosen,
     q: FloatArray,
+    leaves: FloatArray,
     findings: list[Finding],
     gaps: list[Gap],
     *,
@@ -152,21 +183,22 @@ def _first_and_last(
     if not len(tags):
         return []
     first, last = int(tags[0]), int(tags[-1])
+    by_joints = problem.cell.motion.path_entry is PathEntry.NONE
     if problem.cell.motion.home is None:
         what = _walled_in(checker, q[first], problem.placement.external[first])
         if what:
             findings.append(failure(problem, first, Reason.COLLISION, what))
-        if not goes_on and last == len(problem) - 1:
+        if by_joints and not goes_on and last == len(problem) - 1:
             return []  # the file itself ends here
-    out = _out_of_material(checker, chosen, last, q, findings)
+    out = _out_of_material(checker, chosen, last, leaves, findings)
     parts = [_moves_to(problem, last, LEAVE + 1, out, MoveKind.LIN)]
     if problem.cell.motion.home is None:
         return parts
     home = np.asarray(problem.cell.motion.home)
-    leaves = np.vstack([q[last : last + 1], out])[-1]
+    at_end = np.vstack([leaves[last : last + 1], out])[-1]
     for tag, start, goal, order in (
         (first, home, q[first], _HOME),
-        (last, leaves, home, LEAVE + 2),
+        (last, at_end, home, LEAVE + 2),
     ):
         between = free_way(checker, start, goal, problem.placement.external[tag])
         if between is None:
@@ -213,7 +245,7 @@ def _lead_out(checker: Checker, ends: Ends, row: int, chosen: Chosen) -> str:
 def _moves_to(problem: Problem, tag: int, order: int, q: FloatArray, kind: MoveKind) -> Moves:
     """Return rapid moves to joints (k, 6) one after the other."""
     k = len(q)
-    speed = problem.cell.motion.rapid_speed if kind is MoveKind.LIN else np.nan
+    speed = problem.leaving_speeds[tag] if kind is MoveKind.LIN else np.nan
     tags, numbers = np.full(k, tag), order + np.arange(k)
     external = problem.placement.external[tags]
     there = (_poses(problem, q, external), q, external)
@@ -246,8 +278,9 @@ def _ends_into(
     """Return the ends of the connections into tags (m,) from the ones run before them."""
     good = np.flatnonzero(chosen.good)
     before = good[np.searchsorted(good, to) - 1]
-    top = checker.strokes.top
-    heights, lift = (top[before], top[to]), checker.problem.lifts[before]
+    problem = checker.problem
+    top, lift = checker.strokes.top[before], problem.lifts[before]
+    heights = (top, _arrival_heights(problem, chosen)[to])
     external = checker.problem.placement.external[to]
     return Ends(before, to, *heights, leaves[before], arrives[to], external, lift)
 
@@ -384,13 +417,16 @@ def _detour_moves(
         table.role[arriving[row]] = MoveRole.APPROACH
     tags = np.full(len(way.q), tag)
     external = problem.placement.external[tags]
+    speed = np.where(way.is_line, problem.cell.motion.rapid_speed, np.nan)
+    if ends.lift[row]:
+        speed[0] = problem.leaving_speeds[ends.tag_from[row]]
     return moves(
         tags,
         np.arange(len(tags)),
         np.where(way.is_line, MoveKind.LIN, MoveKind.PTP),
         MoveRole.RAPID,
         (_poses(problem, way.q, external), way.q, external),
-        np.where(way.is_line, problem.cell.motion.rapid_speed, np.nan),
+        speed,
     )
 
 

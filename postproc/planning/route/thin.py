@@ -22,6 +22,7 @@ from postproc.arrays import BoolArray, FloatArray, IndexArray, numbered
 from postproc.geometry import angle_between, axis_angle, rotation_about, rotation_angle
 from postproc.model import MoveKind, MoveRole
 from postproc.planning.checks import Checker, Lines
+from postproc.planning.route.drill import DOWN
 from postproc.planning.route.speeds import is_too_fast
 from postproc.process import may_be_passed
 from postproc.records import dataclass
@@ -203,6 +204,7 @@ def _may_go(
 ) -> BoolArray:
     """Return which moves (m,) may be left out: lines that go on as they are, nothing between."""
     is_line = (table.kind == MoveKind.LIN) & (table.role == MoveRole.CUT) & (table.dwell <= 0.0)
+    is_line &= table.order != DOWN
     goes_on = is_line[:-1] & is_line[1:] & (np.diff(table.tag) == 1)
     goes_on &= (speed[:-1] == speed[1:]) & ~stops_before[1:]
     goes_on &= may_be_passed(problem.toolpath, problem.cell)[table.tag[:-1]]

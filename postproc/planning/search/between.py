@@ -13,10 +13,9 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray, numbered, taken
-from postproc.model import CUTS
 from postproc.planning.search.hopeless import hopeless
 from postproc.planning.search.keytags import arc_length
-from postproc.planning.states import Placement, Problem, cross_axes, rounded_spin
+from postproc.planning.states import Placement, Problem, cross_axes, cut_into, rounded_spin
 from postproc.records import dataclass
 
 _FULL_TURN = 2.0 * np.pi
@@ -79,7 +78,7 @@ class Interpolation:
     def of(cls, problem: Problem) -> Interpolation:
         """Return the interpolation along the path of a problem."""
         place = problem.placement
-        is_cut = np.isin(np.asarray(problem.toolpath.kind), CUTS)
+        is_cut = cut_into(problem.toolpath)
         way = arc_length(problem.toolpath)
         return cls(way, carried_twist(place), place.may_tilt, is_cut, hopeless(problem, way))
 

@@ -9,10 +9,9 @@ import numpy as np
 
 from postproc.arrays import FloatArray, IndexArray
 from postproc.geometry import angle_between
-from postproc.model import CUTS
 from postproc.planning.checks import LARGEST_TURN, Lines, Reason, poses_between
 from postproc.planning.search.leaning import as_arcs
-from postproc.planning.states import Problem, spin_values
+from postproc.planning.states import Problem, cut_into, spin_values
 from postproc.units import DEG
 
 _LONG = 0.5
@@ -39,7 +38,7 @@ def hopeless(problem: Problem, way: FloatArray) -> IndexArray:
     """
     place, n = problem.placement, len(problem)
     found = np.full(n, int(Reason.NONE), dtype=np.int64)
-    cuts = np.flatnonzero(np.isin(np.asarray(problem.toolpath.kind), CUTS))
+    cuts = np.flatnonzero(cut_into(problem.toolpath))
     cuts = cuts[cuts > 0]
     cuts = cuts[place.given[cuts] & place.given[cuts - 1]]
     turn = angle_between(place.axis_base(cuts - 1), place.axis_base(cuts))

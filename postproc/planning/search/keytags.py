@@ -12,7 +12,7 @@ from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.cell import Optimize
 from postproc.geometry import angle_between, path_length
 from postproc.model import CUTS, MotionKind, ToolPath
-from postproc.planning.states import Problem
+from postproc.planning.states import Problem, cut_into, entered_anew
 from postproc.units import DEG
 
 KEY_STEP = 0.02
@@ -30,6 +30,7 @@ def stretches(toolpath: ToolPath) -> IndexArray:
     starts = np.zeros(len(kind), dtype=np.bool_)
     starts[1:] = (np.diff(sort) != 0) | (np.diff(np.asarray(toolpath.operation)) != 0)
     starts[1:] |= (kind[1:] == MotionKind.RAPID) & (sort[1:] == 2)
+    starts |= entered_anew(toolpath)
     number: IndexArray = np.cumsum(starts)
     return number
 
@@ -98,7 +99,7 @@ def dense_key_tags(problem: Problem) -> BoolArray:
     """
     toolpath, wishes, place = problem.toolpath, problem.cell.optimize, problem.placement
     n = len(toolpath)
-    is_cut = np.isin(np.asarray(toolpath.kind), CUTS)
+    is_cut = cut_into(toolpath)
     keys = spaced(arc_length(toolpath), is_cut, KEY_STEP)
     axis = place.axis_base(np.arange(n))
     turned = np.concatenate([[0.0], np.cumsum(angle_between(axis[:-1], axis[1:]))])

@@ -35,6 +35,7 @@ from postproc.planning.states import (
     Rule,
     States,
     beside_in_grid,
+    entered_anew,
     merged,
 )
 from postproc.records import dataclass
@@ -434,6 +435,7 @@ class PoseSearch:
         fill(problem, self.between, self.spans(a, b), chosen)
         if k < n:
             chosen.entry[1:] |= ~is_good[:-1]
+        chosen.entry |= entered_anew(problem.toolpath)
         return chosen
 
     def _have_passed(self, before: IndexArray, after: IndexArray) -> BoolArray:

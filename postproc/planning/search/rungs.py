@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IndexArray
 from postproc.geometry import angle_between
 from postproc.kinematics import wrapped
-from postproc.model import CUTS
 from postproc.planning.checks import Reason
 from postproc.planning.route import ON_THE_SPOT
 from postproc.planning.search.between import Interpolation
@@ -28,6 +27,7 @@ from postproc.planning.states import (
     Rule,
     States,
     Tolls,
+    cut_into,
     sample_on,
 )
 from postproc.process import AXIS_SHARE
@@ -127,9 +127,7 @@ class Wish:
 
 def step_rules(problem: Problem) -> IndexArray:
     """Return the ``Rule`` (n,) of the step into each tag: cuts keep branch and turns."""
-    kind = np.asarray(problem.toolpath.kind)
-    chain = np.isin(kind, CUTS)
-    return np.where(chain, Rule.CHAIN, Rule.FREE).astype(np.int64)
+    return np.where(cut_into(problem.toolpath), Rule.CHAIN, Rule.FREE).astype(np.int64)
 
 
 def pinned_spins(problem: Problem, tags: IndexArray) -> tuple[FloatArray, IndexArray]:

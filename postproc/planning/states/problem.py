@@ -9,15 +9,23 @@ from functools import cached_property
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray
-from postproc.cell import Cell
+from postproc.cell import Cell, PathEntry
 from postproc.geometry import angle_between
 from postproc.kinematics import Kinematics, wrist_distance
 from postproc.model import CUTS, WORKING, MotionKind, ToolPath
 from postproc.planning.states.place import Placement, cross_axes, finer_spins
 from postproc.planning.states.settings import Settings
 from postproc.planning.states.stroke import Strokes, strokes_of
-from postproc.planning.states.tilt import UPRIGHT
-from postproc.process import back_off, in_material, in_the_cut, least_feeds, on_the_way_out
+from postproc.planning.states.tilt import UPRIGHT, cut_into, entered_anew
+from postproc.process import (
+    back_off,
+    feeds_of,
+    in_material,
+    in_the_cut,
+    least_feeds,
+    on_the_way_out,
+    out_of_cut,
+)
 from postproc.records import dataclass
 from postproc.stiffness import joint_compliance
 
@@ -95,7 +103,14 @@ class Problem:
         """
         inside = in_material(self.toolpath, self.cell)
         own = np.where(self.placement.may_tilt, np.inf, self._own_ways_out)
-        return np.where(inside, np.minimum(back_off(self.cell), own), 0.0)
+        far = out_of_cut(self.toolpath, self.cell)
+        far = np.where(self._is_led_out, back_off(self.cell), far)
+        return np.where(inside, np.minimum(far, own), 0.0)
+
+    @cached_property
+    def _is_led_out(self) -> BoolArray:
+        """(n,) tags behind which the CAM file itself goes on in rapid."""
+        return np.append(~np.isin(np.asarray(self.toolpath.kind), CUTS)[1:], False)
 
     @cached_property
     def _own_ways_out(self) -> FloatArray:
@@ -110,10 +125,36 @@ class Problem:
 
     @cached_property
     def ways_out(self) -> FloatArray:
-        """(n,) [m] the same where neither a cut nor a rapid another way follows, else 0."""
-        kind = np.asarray(self.toolpath.kind)
-        goes_on = np.append(np.isin(kind, (*CUTS, MotionKind.RAPID))[1:], False)
-        return np.where(goes_on & np.isinf(self._own_ways_out), 0.0, self.lifts)
+        """(n,) [m] the way along its axis that the tool must have free at a tag to leave or enter.
+
+        ``lifts`` where neither a cut nor a rapid another way follows; ``ways_in`` where it is known
+        before any pose that a cut begins there. Else 0.
+        """
+        goes_on = cut_into(self.toolpath)
+        goes_on |= np.asarray(self.toolpath.kind) == MotionKind.RAPID
+        goes_on = np.append(goes_on[1:], False)
+        ways = np.where(goes_on & np.isinf(self._own_ways_out), 0.0, self.lifts)
+        entered = entered_anew(self.toolpath) | (np.arange(len(self)) == 0)
+        return np.where(entered, np.maximum(ways, self.ways_in), ways)
+
+    @cached_property
+    def ways_in(self) -> FloatArray:
+        """(n,) [m] from how high above a tag the tool comes down into a cut that begins there.
+
+        Wherever the CAM file does not lead into it: at its first point, behind tags left out, and
+        where a cut is entered again. 0 at tags that no cut can begin at.
+        """
+        is_cut = np.isin(np.asarray(self.toolpath.kind), CUTS)
+        ways = np.where(is_cut, out_of_cut(self.toolpath, self.cell), 0.0)
+        if self.cell.motion.path_entry is PathEntry.NONE:
+            ways[:1] = 0.0
+        return ways
+
+    @cached_property
+    def leaving_speeds(self) -> FloatArray:
+        """(n,) speed [m/s] by which the tool backs off: the feed, but before the file's rapid."""
+        feed = feeds_of(self.toolpath, self.cell)
+        return np.where(self._is_led_out | np.isnan(feed), self.cell.motion.rapid_speed, feed)
 
     def tilt_of(self, tags: IndexArray, T_base_tcp: FloatArray) -> FloatArray | None:
         """Return the angle (m,) [rad] of the tool axis to the CAM data's; None: no tilt allowed."""

@@ -22,7 +22,7 @@ BETWEEN = 0.4 * DEG
 """By so much [rad] lead and side tilt may leave their range between two tags: the controller turns
 the tool about one axis, while the feed direction goes from that of one tag to that of the next."""
 REENTRY = "reentry"
-"""Extra column of a toolpath: tags at which a cut is entered anew, straight along the CAM axis."""
+"""Extra column of a toolpath: tags that stand where the ones before do, entered anew there."""
 MOST_TILTS = 25
 FEW_TILTS, WIDE = 9, 20.0 * DEG
 """So many tilts are searched at first where their steps are no wider [rad]: refined, such a grid
@@ -38,6 +38,11 @@ def entered_anew(toolpath: ToolPath) -> BoolArray:
     return np.asarray(toolpath.extra.get(REENTRY, np.zeros(len(toolpath))), dtype=np.bool_)
 
 
+def cut_into(toolpath: ToolPath) -> BoolArray:
+    """Return the tags (n,) to which a cut leads from the tag before, if there is one."""
+    return np.asarray(np.isin(np.asarray(toolpath.kind), CUTS) & ~entered_anew(toolpath))
+
+
 def feed_directions(toolpath: ToolPath, axis: FloatArray) -> FloatArray:
     """Return the feed direction (n, 3) across the tool axis, unit, part; NaN where there is none.
 
@@ -48,7 +53,7 @@ def feed_directions(toolpath: ToolPath, axis: FloatArray) -> FloatArray:
     n = len(toolpath)
     kind = np.asarray(toolpath.kind)
     before, behind = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
-    cuts = np.flatnonzero(np.isin(kind, CUTS))
+    cuts = np.flatnonzero(cut_into(toolpath))
     cuts = cuts[cuts > 0]
     start, end = _ends_of_cuts(toolpath, cuts)
     before[cuts] = _across(end, axis[cuts])

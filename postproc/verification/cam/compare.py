@@ -375,14 +375,17 @@ def _elements(
     ``judged`` (m,), changed in place: motions on a way that is reported as wrong.
     """
     served, kind = comparison.served, comparison.wanted.kind
-    rows = np.flatnonzero(np.isin(kind, CUTS))
+    rows = np.flatnonzero(np.isin(kind, CUTS) & (served >= 0))
+    opens = rows[rows == 0]
     rows = rows[rows > 0]
-    rows = rows[(served[rows] >= 0) & (served[rows - 1] >= 0)]
+    rows = rows[served[rows - 1] >= 0]
     station = result.paths.station
     frames = np.stack([station.tool, station.base], axis=1)
     changed = (frames[served[rows]] != frames[served[rows - 1]]).any(axis=1)
-    # behind a change the file does not say where a cut comes from: any way will do, a line at feed
-    lines = rows[changed & result.paths.trace.is_cp[served[rows]]]
+    # first of all and behind a change the file does not say where a cut comes from: any way will
+    # do, a line at feed
+    lines = np.concatenate([opens, rows[changed]])
+    lines = lines[result.paths.trace.is_cp[served[lines]]]
     comparison.is_cut[served[lines]] = True
     feeds.expect_rows(lines, served[lines])
     loose = changed | (kind[rows - 1] == MotionKind.HOLE)
