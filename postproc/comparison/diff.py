@@ -1,7 +1,8 @@
 """Semantic difference of two KRL programs: what the robot would do differently, line by line.
 
 Names of points and routines, folds, comments, the format of numbers, the place of declarations
-and where a program is cut into sub-programs do not count; neither does how a value is set.
+and where a program is cut into sub-programs do not count; neither does how a value is set. The
+whole state of the controller is compared at every motion, and a line that is not understood counts.
 Kinds: ``inserted`` and ``removed`` motions, ``moved`` targets, other ``motion`` instruction,
 ``speed``, ``status`` (S and T), ``approximation``, ``tool``, ``base``, ``external`` axes, other
 ``settings``; ``call``, ``io``, ``wait``, ``control``, ``data`` and ``other`` lines that were added,

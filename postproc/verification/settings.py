@@ -24,6 +24,8 @@ MOST_CORI = 5.0 * DEG
 """Largest $APO.CORI [rad]: that of a delivered controller."""
 MOST_CDIS = 3.0 * MM
 """$APO.CDIS [m] of a delivered controller; a cell may wish for more."""
+_ON_THE_SPOT = 1e-5
+"""Motions of the tool point shorter than this [m] are turns: digits of the text."""
 _SAME = 1e-3
 """Speeds and masses may differ by this share."""
 _WHY = {
@@ -137,8 +139,8 @@ def _ramps(cell: Cell, settings: Settings, motion: int) -> Iterator[tuple[RunKin
 def _turns_too_slowly(result: Result, cell: Cell) -> None:
     """Report paths whose orientation speed is another than the cell's.
 
-    Slower is right where the turn alone takes all the time of a motion: then it is the axes that
-    set the speed.
+    Slower is right where the turn alone takes all the time of a motion, or the tool point hardly
+    moves: then it is the axes that set the speed.
     """
     trace, curves = result.paths.trace, result.paths.curves
     asked = cell.krl.orientation_speed
@@ -146,7 +148,8 @@ def _turns_too_slowly(result: Result, cell: Cell) -> None:
     ends = [(float(v["$VEL.ORI1"]) * DEG, float(v["$VEL.ORI2"]) * DEG) for v in own] or [(0.0, 0.0)]
     slow, fast = np.sort(np.array(ends), axis=1).T[:, trace.setting]
     way = curves.length / np.maximum(trace.column("speed"), SLOWEST)
-    is_turn = curves.angle / asked >= way
+    stands = curves.length * slow < SLOWEST * curves.angle
+    is_turn = (curves.angle / asked >= way) | (curves.length < _ON_THE_SPOT) | stands
     bad = trace.is_cp & ((fast > asked * (1.0 + _SAME)) | (slow < asked * (1.0 - _SAME)) & ~is_turn)
     rows = np.flatnonzero(bad)
     if len(rows) and "$VEL.ORI1" not in cell.accept:
