@@ -429,6 +429,7 @@ CASES: dict[str, tuple[Any, ...]] = {
     "krl.hooks.spindle_orient": ({}, {"krl.hooks": {"spindle_orient": "MY_ROUTINE"}}, "bore.apt"),
     "krl.hooks.tap_reverse": ({}, {"krl.hooks": {"tap_reverse": "MY_ROUTINE"}}, "tap.apt"),
     "krl.hooks.tool_change": ({}, {"krl.hooks": {"tool_change": "MY_ROUTINE"}}, MILL),
+    "krl.hooks.stops_advance": ({}, {"krl.hooks": {"stops_advance": []}}, MILL),
     "external_axes[].xyz_mm": (
         {"external_axes": [TABLE], **BEHIND},
         {"external_axes.0.xyz_mm": [1500.0, 0.0, 0.0]},
