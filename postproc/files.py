@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import os
 import re
+import select
+import stat
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -12,6 +15,12 @@ from typing import BinaryIO
 
 from postproc.errors import ReadError, SourceRef
 
+PIPE_SILENCE = 60.0
+"""Longest time [s] for which a pipe is waited for without a byte."""
+MOST_PIPED = 1 << 29
+"""No more bytes are taken from a pipe: they are kept in memory."""
+_SPOOLED: dict[str, bytes] = {}
+"""Contents of the pipes that are being read, by path."""
 _TEMPORARY = re.compile(r"\..+\.[a-z0-9_]{8}\.part")
 
 
@@ -19,15 +28,10 @@ def read_bytes(path: str | Path) -> bytes:
     """Return the content of an input file.
 
     Raises:
-        ReadError: IO001 if it is missing, IO002 if it is a folder or unreadable.
+        ReadError: as ``open_input``.
     """
-    try:
-        return Path(path).read_bytes()
-    except FileNotFoundError:
-        raise ReadError("IO001", "no such file", SourceRef(str(path))) from None
-    except OSError as problem:
-        reason = problem.strerror or type(problem).__name__
-        raise ReadError("IO002", f"cannot be read: {reason}", SourceRef(str(path))) from None
+    with open_input(path) as stream:
+        return stream.read()
 
 
 @contextmanager
@@ -36,16 +40,60 @@ def open_input(path: str | Path) -> Iterator[BinaryIO]:
 
     Raises:
         ReadError: IO001 if it is missing, IO002 if it is a folder or unreadable, also when that
-            shows only while it is read.
+            shows only while it is read; IO016 for a pipe that says nothing or does not end.
     """
     try:
-        with Path(path).open("rb") as stream:
-            yield stream
+        if str(path) in _SPOOLED or _is_pipe(path):
+            yield io.BytesIO(_SPOOLED.get(str(path)) or _piped(path))
+        else:
+            with Path(path).open("rb") as stream:
+                yield stream
     except FileNotFoundError:
         raise ReadError("IO001", "no such file", SourceRef(str(path))) from None
     except OSError as problem:
         reason = problem.strerror or type(problem).__name__
         raise ReadError("IO002", f"cannot be read: {reason}", SourceRef(str(path))) from None
+
+
+@contextmanager
+def spooled(path: str | Path) -> Iterator[None]:
+    """Let a pipe be opened several times within the block: what it says is kept till its end."""
+    if str(path) not in _SPOOLED:
+        with open_input(path) as stream:
+            if isinstance(stream, io.BytesIO):
+                _SPOOLED[str(path)] = stream.getvalue()
+    try:
+        yield
+    finally:
+        _SPOOLED.pop(str(path), None)
+
+
+def _is_pipe(path: str | Path) -> bool:
+    """Return whether a path is neither a file nor a folder: a pipe, a terminal, a device."""
+    mode = os.stat(path).st_mode  # noqa: PTH116 - the path stays as it was given
+    return not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))
+
+
+def _piped(path: str | Path) -> bytes:
+    """Return all that a pipe says until it is closed."""
+    handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
+    parts: list[bytes] = []
+    size = 0
+    try:
+        while True:
+            if not select.select([handle], [], [], PIPE_SILENCE)[0]:
+                text = f"a pipe from which nothing came for {PIPE_SILENCE:g} s"
+                raise ReadError("IO016", text, SourceRef(str(path)))
+            part = os.read(handle, 1 << 20)
+            if not part:
+                return b"".join(parts)
+            parts.append(part)
+            size += len(part)
+            if size > MOST_PIPED:
+                text = f"a pipe that says more than {MOST_PIPED} bytes"
+                raise ReadError("IO016", text, SourceRef(str(path)))
+    finally:
+        os.close(handle)
 
 
 def write_files(contents: Mapping[Path, bytes], *, durable: bool = False) -> None:

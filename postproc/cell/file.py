@@ -62,6 +62,8 @@ _AXES = {
     for place, name in enumerate("xyz")
     for sign, direction in (("+", 1.0), ("-", -1.0))
 }
+_MOST_EXPLAINED = 100
+"""Errors of one file that are put into words: six are shown."""
 
 
 def load_cell(path: str | Path) -> Cell:
@@ -423,13 +425,14 @@ def _complaint(toml: TomlText, problem: ValidationError) -> CellError:
 
     Unknown keys come first, since a misspelt key makes a required one look missing; then by line.
     """
-    found = [_explain(toml, detail) for detail in problem.errors(include_url=False)]
+    errors = problem.errors(include_url=False)
+    found = [_explain(toml, detail) for detail in errors[:_MOST_EXPLAINED]]
     found.sort(key=lambda e: (e.code != "CEL002", e.source.line if e.source else 0))
     first, others = found[0], found[1:]
     hints = [first.hint] if first.hint else []
     if others:
         shown = [f"line {e.source.line if e.source else 1}: {e.message}" for e in others[:5]]
-        more = [f"and {len(others) - 5} more"] if len(others) > 5 else []
+        more = [f"and {len(errors) - 6} more"] if len(others) > 5 else []
         hints.append("also " + "; ".join([*shown, *more]))
     return CellError(first.code, first.message, first.source, "; ".join(hints))
 

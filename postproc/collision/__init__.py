@@ -2,6 +2,7 @@
 
 from postproc.collision.bodies import Body
 from postproc.collision.check import Hits
+from postproc.collision.mesh import load_mesh
 from postproc.collision.outlines import is_measured
 from postproc.collision.pairs import OUTLINE_SHARES
 from postproc.collision.scene import Scene
@@ -12,4 +13,5 @@ __all__ = [
     "Hits",
     "Scene",
     "is_measured",
+    "load_mesh",
 ]

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import io
 import re
+import tempfile
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from postproc.arrays import FloatArray, IntArray, frozen_floats, frozen_ints, taken
+from postproc.bounded import run_bounded
 from postproc.cell import MeshPlacement
 from postproc.errors import CellError, ReadError, SourceRef
 from postproc.files import read_bytes
 from postproc.geometry import apply
 from postproc.records import dataclass
+from postproc.units import MM
 
 CYLINDER_SIDES = 32
 """Sides of the prism that stands for a cylinder; it encloses the true cylinder."""
@@ -25,6 +29,9 @@ _MOST_BYTES = 400
 _VERTEX = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
 MOST_TRIANGLES = 1_000_000
 """A mesh with more is no collision solid: it would fill memory and hours."""
+STEP_SECONDS = 60
+STEP_BYTES = 4 << 30
+"""What the tessellation of a STEP file may take."""
 _LARGEST = 1e4
 """A coordinate beyond 10 km is a wrong unit or a broken file."""
 
@@ -70,11 +77,11 @@ def solid(placement: MeshPlacement) -> Mesh:
 
 
 def load_mesh(path: Path, scale: float) -> Mesh:
-    """Read a mesh file: STL by ourselves, any other format by trimesh.
+    """Read a mesh file: STL by ourselves, STEP by OpenCASCADE, any other format by trimesh.
 
     Args:
         path: the file.
-        scale: metres per unit of the file.
+        scale: metres per unit of the file; of a STEP file, which states its unit, per mm.
 
     Raises:
         CellError: COL001 unreadable as this format, COL002 without triangles, COL003 with a
@@ -89,7 +96,8 @@ def load_mesh(path: Path, scale: float) -> Mesh:
     least = len(raw) // _MOST_BYTES
     if least > MOST_TRIANGLES:
         raise _too_many(path, f"at least {least}")
-    corners = _stl(path, raw) if path.suffix.lower() == ".stl" else _by_trimesh(path, raw)
+    reader = {".stl": _stl, ".step": _step, ".stp": _step}.get(path.suffix.lower(), _by_trimesh)
+    corners = reader(path, raw)
     if not len(corners):
         raise _error("COL002", path, "no triangle in this file, expected a mesh")
     if len(corners) > MOST_TRIANGLES:
@@ -152,6 +160,33 @@ def _ascii_stl(path: Path, raw: bytes) -> FloatArray:
         raise _error("COL003", path, "a vertex of this file is not a number") from None
 
 
+def _step(path: Path, raw: bytes) -> FloatArray:
+    """Return corners (f, 3, 3) [mm] of a STEP file, triangulated in a process of its own.
+
+    What the file holds is not bounded by its size, and OpenCASCADE writes to stdout.
+    """
+    import trimesh
+
+    del raw
+    if find_spec("cascadio") is None:
+        text = 'a STEP file is read by an extra: pip install "postproc[step]"'
+        raise CellError("COL001", text, SourceRef(str(path)), "or export the solid as STL")
+    with tempfile.TemporaryDirectory() as folder:
+        target = Path(folder) / "solid.glb"
+        tessellate = Path(__file__).with_name("tessellate.py")
+        done = run_bounded(tessellate, [str(path), str(target)], STEP_SECONDS, STEP_BYTES)
+        if done is None:
+            text = f"not tessellated within {STEP_SECONDS} s and {STEP_BYTES >> 30} GB"
+            raise _error("COL001", path, text)
+        if not target.is_file():
+            raise _error("COL001", path, "not a readable STEP file with a solid in it")
+        try:
+            mesh: Any = trimesh.load(target, force="mesh", process=False)
+            return np.asarray(mesh.triangles, dtype=np.float64).reshape(-1, 3, 3) / MM
+        except (ValueError, TypeError, AttributeError, LookupError):
+            raise _error("COL001", path, "no solid in this STEP file") from None
+
+
 def _by_trimesh(path: Path, raw: bytes) -> FloatArray:
     """Return corners (f, 3, 3) in file units, all parts of a scene in one mesh."""
     import trimesh
@@ -159,7 +194,9 @@ def _by_trimesh(path: Path, raw: bytes) -> FloatArray:
     kind = path.suffix.lower().lstrip(".")
     if kind not in trimesh.available_formats():
         raise _error(
-            "COL001", path, f"unknown mesh format {path.suffix!r}, expected STL, OBJ, PLY or OFF"
+            "COL001",
+            path,
+            f"unknown mesh format {path.suffix!r}, expected STL, STEP, OBJ, PLY or OFF",
         )
     try:
         mesh: Any = trimesh.load(io.BytesIO(raw), file_type=kind, force="mesh", process=False)

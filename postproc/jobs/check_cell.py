@@ -25,6 +25,7 @@ from postproc.emitters import emitter_of
 from postproc.errors import CellError, EmitError, Finding, Severity, SourceRef
 from postproc.geometry import across, inverse, kuka_from_transform, rotation_about, transform
 from postproc.jobs.arm_doubts import arm_doubts
+from postproc.jobs.solid_doubts import size_findings
 from postproc.kinematics import Kinematics, build, is_coaxial_with_axis_6, wrist_distance
 from postproc.planning import PlanOptions, free_posture, settle
 from postproc.records import dataclass
@@ -154,6 +155,13 @@ def _solids(context: _Context) -> Iterator[Finding]:
                 "workpiece"
             )
             yield context.finding(Severity.WARNING, "CEL106", text, *at, "meshes")
+    yield from size_findings(cell, context.kinematics)
+    seen = set()
+    for index in range(len(cell.tools)):
+        for finding in Scene.shared(cell.with_tool(index), context.kinematics).findings:
+            if finding.code == "COL103" and finding.message not in seen:
+                seen.add(finding.message)
+                yield replace(finding, source=SourceRef(cell.path))
 
 
 def _stiffness(context: _Context) -> Iterator[Finding]:

@@ -30,6 +30,7 @@ from postproc.errors import CellError, DataError, Finding, Severity, SourceRef, 
 from postproc.files import remove_files, write_files
 from postproc.jobs.arm_doubts import warned_doubts
 from postproc.jobs.joint_targets import with_joint_targets
+from postproc.jobs.solid_doubts import place_findings, size_findings
 from postproc.jobs.trade import Outcome, lost_percent, outcomes
 from postproc.jobs.unit_doubts import check_units
 from postproc.kinematics import build
@@ -170,6 +171,8 @@ def convert(
         cell = cell_with_model(cell, model)
     served = as_served(toolpath, cell)
     words = (
+        *size_findings(cell, build(cell.robot)),
+        *place_findings(served, cell),
         *warned_doubts(cell),
         *word_findings(words_settled(toolpath, cell)),
         *looks(toolpath, _outward(toolpath, cell)),

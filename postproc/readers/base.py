@@ -14,7 +14,7 @@ from typing import Protocol, runtime_checkable
 
 from postproc.arrays import FloatArray
 from postproc.errors import Finding, PluginError, ReadError, Severity, SourceRef, UsageError
-from postproc.files import open_input
+from postproc.files import open_input, spooled
 from postproc.model import ToolPath
 from postproc.readers.text import check_text
 from postproc.records import dataclass
@@ -154,11 +154,14 @@ def read(path: str | Path, format: str = "auto", options: ReadOptions | None = N
         UsageError: IO013 if two formats fit equally well.
         PluginError: PLG001 for an unknown format, PLG006 if a foreign reader fails.
     """
-    name = str(path)
+    with spooled(path):
+        return _read(str(path), format, options or ReadOptions())
+
+
+def _read(name: str, format: str, options: ReadOptions) -> ToolPath:
     head = _head(name)
     chosen, left_out = (format, ()) if format != "auto" else _sniffed(name, head)
     reader = READERS.get(chosen)
-    options = options or ReadOptions()
     with READERS.blame(chosen):
         toolpath = reader.read(name, options).accepting(options.accepted_words)
     if len(toolpath) == 0:

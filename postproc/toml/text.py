@@ -26,6 +26,11 @@ _STRINGS = (
     re.compile(r"'[^'\n]*'"),
 )
 _DEEPEST = 40
+_PART = r"""(?:[A-Za-z0-9_-]++|"[^"\n]*+"|'[^'\n]*+')"""
+_DEEP_KEY = re.compile(_PART + r"(?:[ \t]*+\.[ \t]*+" + _PART + r"){" + str(_DEEPEST) + "}")
+"""A dotted key of more parts; the time to read one grows with the square of them."""
+MOST_BYTES = 1 << 26
+"""No file that people or this package write comes near; tomllib takes 20 times the memory."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,12 +68,18 @@ def load_toml(path: str | Path, error: type[PostprocError], code: str) -> TomlTe
 
 def parse_toml(raw: bytes, path: str | Path, error: type[PostprocError], code: str) -> TomlText:
     """Read the bytes of a TOML file; as ``load_toml``, with ``path`` for the errors only."""
+    if len(raw) > MOST_BYTES:
+        text = f"{len(raw)} bytes, expected at most {MOST_BYTES}"
+        raise error(code, text, SourceRef(str(path)))
     try:
         text = raw.decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as problem:
         line = raw[: problem.start].count(b"\n") + 1
         raise error(code, "not a text file in UTF-8", SourceRef(str(path), line)) from None
     lines = tuple(text.split("\n"))
+    if deep := _DEEP_KEY.search(text):
+        where = SourceRef(str(path), text.count("\n", 0, deep.start()) + 1)
+        raise error(code, f"a dotted key of more than {_DEEPEST} parts", where)
     try:
         data = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, ValueError) as problem:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from postproc.cell.file import load_cell
 from postproc.cli import app
@@ -225,7 +226,7 @@ def test_no_place_writes_no_cell(tmp_path, capsys):
 
 def test_meshes_are_named_relative_to_the_cell(tmp_path, monkeypatch, capsys):
     mesh = tmp_path / "head.stl"
-    mesh.write_text("solid s\nendsolid s\n")
+    trimesh.creation.box((80, 80, 90)).export(mesh)
     path = tmp_path / "cells" / "cell.toml"
     call = ["new-cell", "-o", path, "--robot", "kuka_kr500_r2830", "--tool-mesh", mesh]
     monkeypatch.chdir(tmp_path)

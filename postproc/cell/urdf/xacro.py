@@ -6,12 +6,14 @@ of the folders around the file.
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import xml.etree.ElementTree as ET
+from importlib.util import find_spec
 from pathlib import Path
-from xml.parsers.expat import ExpatError
 
+from postproc.bounded import run_bounded
 from postproc.errors import CellError, SourceRef
 from postproc.files import read_bytes
 
@@ -19,6 +21,9 @@ _NO_ROBOT = frozenset({"macro", "property", "include", "arg"})
 _LEVELS = 5
 """So many folders above a file are searched for packages."""
 _MOST_FILES = 5000
+_SECONDS = 20
+_BYTES = 2 << 30
+"""What the expansion of a file may take: its expressions are Python's and have no bound."""
 
 
 def is_xacro(path: Path) -> bool:
@@ -64,23 +69,16 @@ def expanded(path: Path, folder: Path) -> bytes:
     Raises:
         CellError: CEL011 if it cannot be expanded.
     """
-    try:
-        import xacro
-        from xacrodoc import XacroDoc, packages
-    except ImportError:
+    if not (find_spec("xacro") and find_spec("xacrodoc")):
         text = "a xacro file, and the library that expands it is not installed"
         hint = "pip install xacrodoc, or give the URDF that ROS makes of it"
-        raise CellError("CEL011", text, SourceRef(str(path)), hint) from None
-    packages.update_package_cache(_packages(path))
-    try:
-        document = XacroDoc.from_file(str(path), resolve_packages=False)
-        text = document.to_urdf_string()
-    except (
-        xacro.XacroException, packages.PackageNotFoundError, ExpatError, OSError, ValueError,
-        KeyError, TypeError, AttributeError, NameError, RecursionError, ArithmeticError,
-    ) as problem:  # fmt: skip
-        reason = " ".join(str(problem).split()) or type(problem).__name__
-        raise CellError("CEL011", f"xacro: {reason[:300]}", SourceRef(str(path))) from None
+        raise CellError("CEL011", text, SourceRef(str(path)), hint)
+    script, asked = Path(__file__).with_name("expansion.py"), json.dumps(_packages(path))
+    code, text = run_bounded(script, [str(path)], _SECONDS, _BYTES, asked) or (2, "")
+    if code != 0:
+        budget = f"cannot be expanded within {_SECONDS} s and {_BYTES >> 30} GB"
+        reason = " ".join(text.split())[:300] if code == 1 else budget
+        raise CellError("CEL011", f"xacro: {reason}", SourceRef(str(path)))
     return _with_near_meshes(text, path, folder).encode("utf-8")
 
 

@@ -132,7 +132,7 @@ def _join_dollar_lines(
         if not is_continued(raw) or is_free_text(raw.decode("latin-1").strip()):
             continue
         parts = [_before_dollar(raw)]
-        done = line + 1
+        begin, done = int(starts[line]), line + 1
         while True:
             if done >= len(starts):
                 raise faults.error(
@@ -140,6 +140,7 @@ def _join_dollar_lines(
                     "the file ends inside a statement continued by $",
                     block.first_line + line,
                 )
+            check_line_length(faults.path, int(ends[done]) - begin, block.first_line + line)
             raw = block.data[starts[done] : ends[done]]
             code[done] = SKIP
             parts.append(_before_dollar(raw))

@@ -10,7 +10,7 @@ from postproc.records import dataclass
 
 BLOCK_BYTES = 1 << 22
 LONGEST_LINE = 1 << 16
-"""No statement or row of a real file comes near this many bytes."""
+"""No statement or row of a real file comes near this many bytes, continued or not."""
 _BOM = b"\xef\xbb\xbf"
 
 
@@ -48,14 +48,12 @@ def text_blocks(path: str, cut: Callable[[bytes], int] = last_line_end) -> Itera
                 chunk = chunk.removeprefix(_BOM)
             data = rest + _line_feeds(chunk)
             end = cut(data)
-            if len(data) - end > LONGEST_LINE:
-                _check_length(path, data[end:], line + data.count(b"\n", 0, end))
+            check_line_length(path, len(data) - end, line + data.count(b"\n", 0, end))
             if end:
                 yield TextBlock(data[:end], line)
                 line += data.count(b"\n", 0, end)
             rest = data[end:]
     if rest.strip():
-        _check_length(path, rest, line)
         yield TextBlock(rest if rest.endswith(b"\n") else rest + b"\n", line)
 
 
@@ -64,17 +62,13 @@ def _line_feeds(chunk: bytes) -> bytes:
     return chunk.replace(b"\r", b"\n") if b"\n" not in chunk else chunk
 
 
-def _check_length(path: str, data: bytes, line: int) -> None:
-    end = data.find(b"\n")
-    check_line_length(path, end if end >= 0 else len(data), line)
-
-
 def check_line_length(path: str, length: int, line: int) -> None:
-    """Raise ReadError IO015 for a line of more characters than any real one has."""
+    """Raise ReadError IO015 for a line or statement of more characters than any real one has."""
     if length > LONGEST_LINE:
         raise ReadError(
             "IO015",
-            f"a line of more than {LONGEST_LINE} characters, expected one statement or row a line",
+            f"a line or a statement of more than {LONGEST_LINE} characters, expected one statement "
+            "or row a line",
             SourceRef(path, line),
         )
 
