@@ -67,8 +67,8 @@ def check_line_length(path: str, length: int, line: int) -> None:
     if length > LONGEST_LINE:
         raise ReadError(
             "IO015",
-            f"a line or a statement of more than {LONGEST_LINE} characters, expected one statement "
-            "or row a line",
+            f"a line of more than {LONGEST_LINE} characters, with those that continue it, "
+            "expected one statement or row a line",
             SourceRef(path, line),
         )
 
