@@ -1,4 +1,4 @@
-"""The outcome of a batch as JUnit XML, which every CI system shows."""
+"""An outcome as JUnit XML, which every CI system shows."""
 
 from __future__ import annotations
 
@@ -9,13 +9,15 @@ from typing import Any
 _FAILURES = {"failed", "different"}
 
 
-def junit_xml(entries: Mapping[str, Mapping[str, Any]]) -> bytes:
-    """Return a test suite with one case per manifest entry."""
+def junit_xml(
+    entries: Mapping[str, Mapping[str, Any]], suite_name: str = "postproc batch"
+) -> bytes:
+    """Return a test suite with one case per entry, by name: ``status`` and ``errors``."""
     failed = sum(entry["status"] in _FAILURES for entry in entries.values())
     errors = sum(entry["status"] not in _FAILURES | {"ok"} for entry in entries.values())
     suite = ET.Element(
         "testsuite",
-        name="postproc batch",
+        name=suite_name,
         tests=str(len(entries)),
         failures=str(failed),
         errors=str(errors),

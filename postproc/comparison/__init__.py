@@ -1,7 +1,8 @@
 """What two programs do differently."""
 
 from postproc.comparison.accept import accept
-from postproc.comparison.diff import Difference, DiffReport, DiffTolerance, diff, diff_files
+from postproc.comparison.diff import DiffReport, diff, diff_files
+from postproc.comparison.difference import Difference, DiffTolerance
 
 __all__ = [
     "DiffReport",

@@ -16,6 +16,9 @@ from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
 
+from postproc.comparison.difference import Difference, DiffTolerance
+from postproc.comparison.group import Group, group_lines
+from postproc.comparison.groups import groups_of
 from postproc.comparison.lines import Compared, Program, differences, program_of
 from postproc.controller import load_program
 from postproc.errors import Finding, KrlError, Severity, SourceRef
@@ -24,50 +27,6 @@ from postproc.records import dataclass
 from postproc.units import MM
 
 _SHOWN = 40
-
-
-@dataclass(frozen=True, slots=True)
-class DiffTolerance:
-    """What still counts as the same: ``position`` [mm], ``angle`` [deg], ``speed`` share."""
-
-    position_mm: float = 0.001
-    angle_deg: float = 0.001
-    speed: float = 1e-5
-
-
-@dataclass(frozen=True, slots=True)
-class Difference:
-    """One difference; a line is None where the other program has nothing."""
-
-    kind: str
-    detail: str
-    old_line: int | None
-    new_line: int | None
-    distance_mm: float | None = None
-    angle_deg: float | None = None
-    old_file: str = ""
-    new_file: str = ""
-    position_mm: tuple[tuple[float, ...], tuple[float, ...]] | None = None
-    """Old and new target of a moved Cartesian motion, for drawing."""
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the entry of the JSON document."""
-        return {
-            "kind": self.kind,
-            "old_line": self.old_line,
-            "new_line": self.new_line,
-            "detail": self.detail,
-            "distance_mm": None if self.distance_mm is None else round(self.distance_mm, 6),
-            "angle_deg": None if self.angle_deg is None else round(self.angle_deg, 6),
-            "old_file": self.old_file,
-            "new_file": self.new_file,
-        }
-
-    def __str__(self) -> str:
-        """Return ``OLD:LINE -> NEW:LINE: kind: detail``."""
-        old = f"{self.old_file}:{self.old_line}" if self.old_line is not None else "-"
-        new = f"{self.new_file}:{self.new_line}" if self.new_line is not None else "-"
-        return f"{old} -> {new}: {self.kind}: {self.detail}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +42,7 @@ class DiffReport:
     """Names of the modules that were compared, for folders."""
     compared: tuple[Compared, ...] = field(default=(), repr=False, compare=False)
     """The programs, motion by motion."""
+    tolerance: DiffTolerance = field(default=DiffTolerance(), repr=False, compare=False)
 
     @property
     def same(self) -> bool:
@@ -96,8 +56,38 @@ class DiffReport:
             found[item.kind] = found.get(item.kind, 0) + 1
         return dict(sorted(found.items()))
 
+    def groups(self) -> tuple[Group, ...]:
+        """Return the differences as a reviewer reads them: by object and cause, worst first."""
+        return groups_of(self.differences, self.compared, self.tolerance)
+
+    def by_module(self) -> dict[str, DiffReport]:
+        """Return the report of every module of two folders by name; of programs itself, by ""."""
+        if not self.modules:
+            return {"": self}
+        parts: dict[str, list[Difference]] = {name.rpartition("/")[2]: [] for name in self.modules}
+        for item in self.differences:
+            parts.setdefault(Path(item.old_file or item.new_file).stem.upper(), []).append(item)
+        pairs = {Path(pair.old.trace.files[0]).stem.upper(): pair for pair in self.compared}
+        return {
+            name: replace(
+                self,
+                differences=tuple(found),
+                compared=(pairs[name],) if name in pairs else (),
+                modules=(),
+            )
+            for name, found in sorted(parts.items())
+        }
+
     def summary(self) -> str:
-        """Return the answer in words: counts, largest shift, then the first differences."""
+        """Return the answer in words: what was done, then counts and the first differences."""
+        lines = [self.headline()]
+        lines += [f"  {item}" for item in self.differences[:_SHOWN]]
+        if len(self.differences) > _SHOWN:
+            lines.append(f"  ... and {len(self.differences) - _SHOWN} more")
+        return "\n".join([*group_lines(self.groups()), *lines])
+
+    def headline(self) -> str:
+        """Return the verdict in one line: counts and the largest shift."""
         if self.same:
             return f"same: {self.old_motions} motions"
         parts = [f"{count} {kind}" for kind, count in self.counts().items()]
@@ -107,11 +97,7 @@ class DiffReport:
             parts.append(f"moved at most {max(moved):.4f} mm")
         if turned:
             parts.append(f"turned at most {max(turned):.4f} deg")
-        lines = ["different: " + ", ".join(parts)]
-        lines += [f"  {item}" for item in self.differences[:_SHOWN]]
-        if len(self.differences) > _SHOWN:
-            lines.append(f"  ... and {len(self.differences) - _SHOWN} more")
-        return "\n".join(lines)
+        return "different: " + ", ".join(parts)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the ``postproc.diff/1`` document."""
@@ -123,6 +109,7 @@ class DiffReport:
             "old_motions": self.old_motions,
             "new_motions": self.new_motions,
             "counts": self.counts(),
+            "groups": [group.to_dict() for group in self.groups()],
             "differences": [item.to_dict() for item in self.differences],
         }
 
@@ -202,6 +189,7 @@ def _report(
         sum(len(left.trace) for left, _ in pairs),
         sum(len(right.trace) for _, right in pairs),
         compared=tuple(compared for _, compared in found),
+        tolerance=tolerance,
     )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray, IndexArray
 from postproc.comparison.align import Lines, align
+from postproc.comparison.camlines import cam_lines
 from postproc.comparison.listing import listing
 from postproc.comparison.settings import StateDifference, state_differences
 from postproc.comparison.texts import AXES, POSE, externals_text, status_text, target_text
@@ -48,6 +49,8 @@ class Program:
     event: IndexArray
     ends: tuple[tuple[str, int, tuple[int, int]], ...]
     """What is in force behind the last motions; see ``Listing``."""
+    cam: IndexArray
+    """(m,) CAM line that the comment of a motion names, 0 without one."""
 
     def place(self, line: int) -> tuple[str, int]:
         """Return file and line in the file."""
@@ -71,7 +74,8 @@ def program_of(modules: Sequence[KrlModule], name: str, inline: bool) -> Program
     order = np.argsort(order, kind="stable")
     motion = np.concatenate([np.arange(m), np.full(k, -1)])[order]
     event = np.concatenate([np.full(m, -1), np.arange(k)])[order]
-    return Program(trace, made.words, made.relative, texts, motion, event, made.ends)
+    cam = cam_lines(modules, trace)
+    return Program(trace, made.words, made.relative, texts, motion, event, made.ends, cam)
 
 
 def _text(event: TraceEvent, own: str) -> str:
@@ -166,10 +170,8 @@ def _columns(program: Program, keys: dict[object, int], words: dict[str, int]) -
 
 def _file_units(trace: Trace) -> FloatArray:
     """Return the targets (m, 6) in mm and degrees."""
-    target = np.array(trace.target)
-    target[:, :3] /= np.where(trace.is_axes, DEG, MM)[:, None]
-    target[:, 3:] /= DEG
-    return target
+    first = np.where(trace.is_axes, DEG, MM)[:, None]
+    return np.hstack([trace.target[:, :3] / first, trace.target[:, 3:] / DEG])
 
 
 def _alone(old: Program, new: Program, pairs: tuple[IndexArray, IndexArray]) -> Iterator[Placed]:
@@ -250,10 +252,10 @@ class _Comparer:
                 yield (line, number), self._placed(entry, line, other)
         yield from self._state_entries()
         for line, other in zip(*self._texts, strict=True):
-            before = self.old.texts[int(self.old.event[line])]
-            after = self.new.texts[int(self.new.event[other])]
+            event = int(self.old.event[line])
+            before, after = self.old.texts[event], self.new.texts[int(self.new.event[other])]
             if before != after:
-                word = self.old.trace.events[int(self.old.event[line])].word
+                word = self.old.trace.events[event].word
                 entry = {"kind": _EVENT_KINDS[word], "detail": f"{before} became {after}"}
                 yield (line, 2), self._placed(entry, line, other)
 
@@ -282,7 +284,8 @@ class _Comparer:
                 if k and item in held[k - 1]:
                     continue
                 stop = next((n for n in range(k, len(held)) if item not in held[n]), len(held))
-                entry = _state_entry(item, f", {sum(lengths[k:stop])} motions")
+                motions = sum(lengths[k:stop])
+                entry = {"kind": item.kind, "detail": f"{item}, {motions} motions"}
                 line, other = int(self._left[start]), int(self._right[start])
                 yield (line, 1000), self._placed(entry, line, other)
         told = {item for items in states for item in items}
@@ -290,7 +293,7 @@ class _Comparer:
         for name, row, place in self.old.ends:
             for item in self._state(row, ends[name][0]) if name in ends else ():
                 if item not in told:
-                    entry = _state_entry(item, " behind the last motion")
+                    entry = {"kind": item.kind, "detail": f"{item} behind the last motion"}
                     yield (len(self.old.motion), 0), self._at(entry, place, ends[name][1])
 
     def _placed(self, entry: Entry, line: int, other: int) -> Entry:
@@ -389,10 +392,6 @@ class _Comparer:
 
 def _entry(kind: str, before: str, after: str) -> Entry:
     return {"kind": kind, "detail": f"{before} became {after}"}
-
-
-def _state_entry(item: StateDifference, where: str) -> Entry:
-    return {"kind": item.kind, "detail": f"{item}{where}"}
 
 
 def _put(entry: Entry, old: tuple[str, int], new: tuple[str, int]) -> Entry:

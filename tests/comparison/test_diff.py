@@ -8,7 +8,8 @@ import pytest
 
 from postproc.cli.app import run
 from postproc.comparison.align import Lines, align
-from postproc.comparison.diff import DiffTolerance, diff, diff_files
+from postproc.comparison.diff import diff, diff_files
+from postproc.comparison.difference import DiffTolerance
 from postproc.errors import PostprocError
 from postproc.krl.text.parse import parse_files
 from postproc.krl.text.render import render

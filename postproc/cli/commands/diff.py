@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -13,11 +14,15 @@ from postproc.cli.common import (
     standard_options,
 )
 
+if TYPE_CHECKING:
+    from postproc.comparison import DiffReport
+
 EPILOG = """\b
 Examples:
   postproc diff released/panel.src out/panel.src
   postproc diff released out --tol-mm 0.01 --json
   postproc diff released/panel.src out/panel.src --html changes.html
+  postproc diff released out --markdown comment.md --junit diff.xml
   postproc diff released out --update      (look, then accept: out comes over released)
 """
 
@@ -32,6 +37,8 @@ Examples:
     "--tol-deg", default=0.001, show_default=True, type=NOT_NEGATIVE, help="Turn that is the same."
 )
 @click.option("--html", "page", metavar="FILE.html", help="Write a page that shows what moved.")
+@click.option("--markdown", metavar="FILE.md", help="Write the answer in at most 60 lines.")
+@click.option("--junit", metavar="FILE.xml", help="Write the outcome as JUnit XML.")
 @click.option("--update", is_flag=True, help="Accept: copy NEW over OLD; then 0, not 1.")
 @standard_options
 def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
@@ -39,7 +46,8 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
 
     OLD and NEW are two programs (with the sub-programs beside them) or two folders, which are
     compared module by module. Names, folds, comments, number formats and where things are declared
-    do not count. Exit code 0: same, 1: different, 2: one cannot be read.
+    do not count. The answer begins with what was done, by hole and by cause, worst first. Exit code
+    0: same, 1: different, 2: one cannot be read.
 
     With --update the differences are shown and accepted: the files of NEW are copied over those of
     OLD, with sub-programs; of folders, modules that NEW has no more are removed from OLD.
@@ -48,13 +56,11 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
 
     tolerance = DiffTolerance(options["tol_mm"], options["tol_deg"])
     report = diff(options["old"], options["new"], tolerance)
-    if options["page"]:
-        from pathlib import Path
-
+    files = _files(report, options)
+    if files:
         from postproc.files import write_files
-        from postproc.report.pages.diff import diff_page
 
-        write_files({Path(options["page"]): diff_page(report)})
+        write_files(files)
     document = report.to_dict()
     if options["update"]:
         from postproc.comparison import accept
@@ -65,3 +71,26 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     if options["update"]:
         session.show(f"accepted: {len(document['updated'])} files of {options['old']} changed")
     return answer(report.same or options["update"])
+
+
+def _files(report: DiffReport, options: dict[str, Any]) -> dict[Path, bytes]:
+    """Return the files that were asked for."""
+    files: dict[Path, bytes] = {}
+    if options["page"]:
+        from postproc.report.pages.diff import diff_page
+
+        files[Path(options["page"])] = diff_page(report)
+    if options["markdown"]:
+        from postproc.report.markdown import diff_markdown
+
+        files[Path(options["markdown"])] = diff_markdown(report)
+    if options["junit"]:
+        from postproc.batch import junit_xml
+
+        cases = {
+            name or options["new"]: {"status": "ok" if part.same else "different",
+                                     "errors": part.summary().splitlines()}
+            for name, part in report.by_module().items()
+        }  # fmt: skip
+        files[Path(options["junit"])] = junit_xml(cases, "postproc diff")
+    return files

@@ -36,6 +36,7 @@ Examples:
 @click.option("--max-tool", default=16, show_default=True, help="MAX_TOOL of the controller.")
 @click.option("--max-base", default=32, show_default=True, help="MAX_BASE of the controller.")
 @click.option("--external-axes", type=click.IntRange(0, 6), help="Number of external axes.")
+@click.option("--junit", metavar="FILE.xml", help="Write the outcome as JUnit XML, a case a file.")
 @click.option("--allow-zero", is_flag=True, help="Tool 0 and base 0 are meant.")
 @standard_options
 def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
@@ -56,6 +57,14 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         routines=frozenset(options["routine"]),
     )
     findings, files = lint(options["programs"], rules, options["config"])
+    if options["junit"]:
+        from pathlib import Path
+
+        from postproc.batch import junit_xml
+        from postproc.files import write_files
+
+        cases = _cases(findings, files)
+        write_files({Path(options["junit"]): junit_xml(cases, "postproc lint")})
     if session.json:
         session.document(_document(findings, files))
     else:
@@ -63,6 +72,18 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
             session.show(str(finding))
         session.show(_summary(findings, files))
     return answer(not any(finding.severity is Severity.ERROR for finding in findings))
+
+
+def _cases(findings: tuple[Finding, ...], files: tuple[str, ...]) -> dict[str, dict[str, Any]]:
+    """Return the outcome by file; a finding without a file is one of the first."""
+    cases: dict[str, dict[str, Any]] = {f: {"status": "ok", "errors": []} for f in files}
+    for finding in findings:
+        if finding.severity == "error":
+            path = finding.source.path if finding.source else files[0]
+            case = cases.setdefault(path, {"errors": []})
+            case["status"] = "failed"
+            case["errors"].append(str(finding))
+    return cases
 
 
 def _count(findings: tuple[Finding, ...], severity: str) -> int:

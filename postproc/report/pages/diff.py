@@ -34,7 +34,7 @@ def diff_page(report: DiffReport) -> bytes:
 def _lead(report: DiffReport) -> list[str]:
     if report.same:
         return [f"Same: the robot does the same with both, {report.old_motions} motions."]
-    text = report.summary().splitlines()[0].removeprefix("different: ")
+    text = report.headline().removeprefix("different: ")
     motions = f"{report.old_motions} motions in the old program, {report.new_motions} in the new."
     return [f"Different: {text}.", motions]
 

@@ -1,0 +1,240 @@
+"""Differences as a reviewer reads them: by object, with their cause, worst first."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from postproc.arrays import FloatArray
+from postproc.comparison.difference import Difference, DiffTolerance
+from postproc.comparison.group import KINDS, NAMED, Group, names
+from postproc.comparison.lines import Compared, Program
+from postproc.comparison.listed import changed_homes, elsewhere, home_of, listed
+from postproc.comparison.objects import Matched, Place, Shift, match, places_of, tool_axis
+from postproc.geometry import rotation_angle
+from postproc.units import DEG
+
+_MM_MIN = 60_000.0
+_FLIP = 1.0 * DEG
+"""A wrist whose A5 is nearer to 0 has no side."""
+
+
+def groups_of(
+    differences: Sequence[Difference], compared: Sequence[Compared], tolerance: DiffTolerance
+) -> tuple[Group, ...]:
+    """Return the groups of the differences, worst first; none if there are no differences."""
+    if not differences:
+        return ()
+    reviews = [_Review(pair, tolerance) for pair in compared]
+    found = []
+    for review in reviews:
+        own = list(review.groups())
+        name = "" if len(reviews) == 1 else Path(review.pair.old.trace.files[0]).stem
+        found += [group.of_program(name) if name else group for group in own]
+    found = [*(group for group in found if group.kind != "spin"), *_one_spin(found)]
+    found += listed(differences, compared, {group.kind for group in found})
+    if {group.kind for group in found} == {"spin"}:
+        found.insert(0, elsewhere(found))
+    return tuple(sorted(found, key=lambda group: KINDS.index(group.kind)))
+
+
+def _one_spin(found: Sequence[Group]) -> list[Group]:
+    """Return the turns about the tool of all programs as one group."""
+    spins = [group for group in found if group.kind == "spin"]
+    if not spins:
+        return []
+    worst = max((group.worst for group in spins), key=lambda item: float(item["angle_deg"]))
+    count = sum(group.count for group in spins)
+    text = f"{count} motions keep tool point and tool axis and turn about it only, "
+    text += f"at most {worst['angle_deg']:.3g} deg, at {worst['id']}"
+    ids = tuple(name for group in spins for name in group.ids)
+    return [Group("spin", count, ids, worst, text)]
+
+
+class _Review:
+    """One program against another, place by place."""
+
+    def __init__(self, compared: Compared, tolerance: DiffTolerance) -> None:
+        self.pair, self.limits = compared, tolerance
+        self.old, self.new = (
+            places_of(side, has_home=home_of(side) is not None)
+            for side in (compared.old, compared.new)
+        )
+        self.axis = tool_axis(self.old, self.new)
+        self.matched: Matched = match(self.old, self.new, self.axis, compared)
+        self.home: list[Group] = list(changed_homes(compared, tolerance.angle_deg))
+
+    def groups(self) -> Iterator[Group]:
+        """Yield what differs, by kind."""
+        yield from self.home
+        yield from self._order()
+        for kind, places, rows in (
+            ("removed", self.old, self.matched.removed),
+            ("added", self.new, self.matched.added),
+        ):
+            if rows:
+                program = self.pair.old if kind == "removed" else self.pair.new
+                ids = [_name(places[k], program) for k in rows]
+                at = _xyz(places[rows[0]].points[places[rows[0]].deepest(self.axis)])
+                text = f"{len(ids)} {_noun([places[k] for k in rows])} {kind}: {names(ids)}"
+                worst = {"id": ids[0], "position_mm": at}
+                yield Group(kind, len(ids), tuple(ids), worst, f"{text}, at {_vector(at)}")
+        yield from self._where()
+        yield from self._feeds()
+        yield from self._how()
+
+    def _order(self) -> Iterator[Group]:
+        swapped = self.matched.swapped
+        if not swapped:
+            return
+        # two that changed places are one out of order and what stands where it stood
+        where = dict(self.matched.pairs)
+        back = {j: i for i, j in where.items()}
+        exchanged = [(i, where[i]) for i in where if where.get(where[i]) == i and i < where[i]]
+        ids = [_name(self.old[i], self.pair.old) for i, _ in swapped]
+        text = f"{len(ids)} {_noun([self.old[i] for i, _ in swapped])} in another order, "
+        text += f"nothing else about them: {names(ids)}"
+        is_pure = len(self.old) == len(self.new) and len(back) == len(where)
+        others = {k for pair in exchanged for k in pair}
+        if is_pure and exchanged and {i for i, j in where.items() if i != j} == others:
+            ids = [_name(self.old[k], self.pair.old) for pair in exchanged for k in pair]
+            both = [f"{a} and {b}" for a, b in zip(ids[::2], ids[1::2], strict=True)]
+            text = f"{'; '.join(both[:NAMED])} swapped, same {_noun(self.old)}"
+            text += f"; {len(both) - NAMED} more swaps" if len(both) > NAMED else ""
+        yield Group("order", len(ids), tuple(ids), {"id": ids[0]}, text)
+
+    # ------------------------------------------------------------------------ where and how deep
+
+    def _where(self) -> Iterator[Group]:
+        """Yield what was moved, and what goes deeper or is approached from another height."""
+        moved: list[tuple[Place, Place, Shift]] = []
+        along: dict[tuple[str, float], list[str]] = {}
+        for i, j in self.matched.pairs:
+            a, b = self.old[i], self.new[j]
+            shift = Shift.of(a, b, self.axis)
+            if shift.is_moved(self.limits):
+                moved.append((a, b, shift))
+            elif abs(shift.deeper) > self.limits.position_mm:
+                key = "depth", round(shift.deeper, 3)
+                along.setdefault(key, []).append(_name(a, self.pair.old))
+            elif abs(shift.further) > self.limits.position_mm:
+                key = "approach height", round(-shift.further, 3)
+                along.setdefault(key, []).append(_name(a, self.pair.old))
+        yield from self._moved(moved)
+        for (what, change), ids in sorted(along.items(), key=lambda item: -abs(item[0][1])):
+            text = f"{what} {change:+g} mm along the tool: {names(ids)}"
+            worst = {"id": ids[0], "change_mm": change}
+            yield Group("process", len(ids), tuple(ids), worst, text)
+
+    def _how(self) -> Iterator[Group]:
+        """Yield other postures, and turns about the tool axis."""
+        flips: list[str] = []
+        detours: list[str] = []
+        spins: list[tuple[float, str, int]] = []
+        for i, j in self.matched.pairs:
+            a, b = self.old[i], self.new[j]
+            name = _name(a, self.pair.old)
+            before, after = self._joints(a, b)
+            if len(a.joints) != len(b.joints):
+                detours.append(name)
+            if _flipped(before, after):
+                flips.append(name)
+            elif not Shift.of(a, b, self.axis).is_moved(self.limits):
+                turn = float(rotation_angle(a.R[-1], b.R[-1])) / DEG
+                by_joints = float(np.abs(before - after).max(initial=0.0)) / DEG
+                if max(turn, by_joints) > self.limits.angle_deg:
+                    spins.append((turn, name, len(b.path) + len(b.joints)))
+        for ids, what in (
+            (flips, "the arm stands in another posture at"),
+            (detours, "the arm goes another way to"),
+        ):
+            if ids:
+                yield Group("posture", len(ids), tuple(ids), {"id": ids[0]}, f"{what} {names(ids)}")
+        if spins:
+            turn, name, _ = max(spins, key=lambda item: item[0])
+            count = sum(item[2] for item in spins)
+            worst = {"id": name, "angle_deg": round(turn, 4)}
+            yield Group("spin", count, tuple(item[1] for item in spins), worst, "")
+
+    def _moved(self, moved: list[tuple[Place, Place, Shift]]) -> Iterator[Group]:
+        if not moved:
+            return
+        moved = sorted(moved, key=lambda item: (-item[2].size, item[0].cam))
+        ids = [_name(place, self.pair.old) for place, _, _ in moved]
+        worst = moved[0][2]
+        along, across = abs(_tidy(worst.deeper)), _tidy(worst.across)
+        amounts = {"along_mm": along, "across_mm": across, "tilt_deg": _tidy(worst.tilt_deg)}
+        xyz = _xyz(worst.xyz)
+        text = f"{names(ids)} moved by {_vector(xyz)} mm"
+        if len(ids) > 1:
+            off = max(float(np.abs(item[2].xyz - worst.xyz).max()) for item in moved)
+            how = "all" if off <= self.limits.position_mm else f"{ids[0]} most,"
+            text = f"{len(ids)} {_noun([item[0] for item in moved])} moved, {how} by "
+            text += f"{_vector(xyz)} mm: {names(ids)}"
+        text += f"; {along:g} mm along and {across:g} mm across the tool"
+        text += f", axis tilted by {worst.tilt_deg:.4g} deg" if worst.tilt_deg else ""
+        steps = dict(zip(("dx_mm", "dy_mm", "dz_mm"), xyz, strict=True))
+        yield Group("moved", len(ids), tuple(ids), {"id": ids[0], **steps, **amounts}, text)
+
+    def _joints(self, a: Place, b: Place) -> tuple[FloatArray, FloatArray]:
+        """Return the last joint targets (6,) of two places [rad], zeros where one has none."""
+        if not len(a.joints) or not len(b.joints):
+            return np.zeros(6), np.zeros(6)
+        old, new = self.pair.old.trace, self.pair.new.trace
+        return np.nan_to_num(old.target[a.joints[-1]]), np.nan_to_num(new.target[b.joints[-1]])
+
+    # --------------------------------------------------------------------------------- the speed
+
+    def _feeds(self) -> Iterator[Group]:
+        old, new = (side.trace.column("speed") for side in (self.pair.old, self.pair.new))
+        found: dict[tuple[bool, float, float], list[str]] = {}
+        for i, j in self.matched.pairs:
+            a, b = self.old[i], self.new[j]
+            if len(a.path) != len(b.path):
+                continue
+            slow, fast = old[a.path], new[b.path]
+            for k in np.flatnonzero(np.abs(slow - fast) > self.limits.speed * slow).tolist():
+                key = k == a.deepest(self.axis), float(slow[k]), float(fast[k])
+                found.setdefault(key, []).append(_name(a, self.pair.old))
+        for (is_feed, *speeds), places in sorted(found.items(), key=_by_speed):
+            ids = tuple(dict.fromkeys(places))
+            before, after = (float(f"{speed * _MM_MIN:.6g}") for speed in speeds)
+            text = f"{'feed' if is_feed else 'path speed'} {before:g} became {after:g} mm/min: "
+            worst = {"id": ids[0], "old_mm_min": before, "new_mm_min": after}
+            yield Group("process", len(places), ids, worst, text + names(ids))
+
+
+def _by_speed(item: tuple[tuple[bool, float, float], list[str]]) -> tuple[bool, float]:
+    """Feeds before the other speeds, the largest change first."""
+    is_feed, before, after = item[0]
+    return not is_feed, min(before, after) / max(before, after, 1e-12)
+
+
+def _flipped(a: FloatArray, b: FloatArray) -> bool:
+    """Whether two joint targets (6,) [rad] are no neighbours: other side of the wrist, or turns."""
+    is_wrist = bool(a[4] * b[4] < 0.0 and min(abs(a[4]), abs(b[4])) > _FLIP)
+    return is_wrist or float(np.abs(a - b).max()) > np.pi
+
+
+def _name(place: Place, program: Program) -> str:
+    """Return by what a reviewer finds a place: its CAM line, else its line in the program."""
+    return f"CAM line {place.cam}" if place.cam else f"line {program.trace.line[place.path[0]]}"
+
+
+def _noun(places: Sequence[Place]) -> str:
+    what = "hole" if all(len(place.path) > 1 for place in places) else "point"
+    return what if len(places) == 1 else f"{what}s"
+
+
+def _tidy(value: float) -> float:
+    return round(float(value), 4) + 0.0
+
+
+def _xyz(vector: FloatArray) -> list[float]:
+    return [_tidy(v) for v in vector]
+
+
+def _vector(xyz: Sequence[float]) -> str:
+    return "(" + ", ".join(f"{v:g}" for v in xyz) + ")"

@@ -1,0 +1,190 @@
+"""The first line of a comparison says what the engineer did."""
+
+import json
+import xml.etree.ElementTree as ET
+
+import pytest
+
+from postproc.cli.app import run
+
+CELL = """schema = "postproc.cell/1"
+[robot]
+model = "kuka_kr210_r2700_2"
+[tool]
+number = {tool}
+frame = {{ xyz_mm = [{length}, 0, 250] }}
+axis = "+x"
+[workpiece]
+number = {base}
+frame = {{ xyz_mm = [{x}, -60, 700] }}
+[process]
+spindle = "unit"
+[motion]
+{home}
+[krl]
+setup = {setup}
+cam_lines = {cam_lines}
+"""
+PLAIN = {"tool": 1, "length": 150, "base": 1, "x": 1400, "home": "", "setup": "false"}
+ROWS = [(f"{'ABC'[k // 4]}{k % 4 + 1}", k % 4 * 60, k // 4 * 50, 12, 120) for k in range(12)]
+HOME = "home_deg = [0, -90, 90, 0, 30, 0]"
+
+
+def edited(name, **changes):
+    keys = ("id", "x", "y", "depth", "feed")
+    rows = []
+    for row in ROWS:
+        values = dict(zip(keys, row, strict=True))
+        rows.append(tuple((values | changes).values()) if row[0] == name else row)
+    return rows
+
+
+def swapped(a, b):
+    rows = list(ROWS)
+    rows[a], rows[b] = rows[b], rows[a]
+    return rows
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """Return a function that converts rows in a cell, once."""
+    known = {}
+
+    def make(rows=ROWS, cam_lines="true", **cell):
+        key = tuple(rows), cam_lines, tuple(sorted(cell.items()))
+        if key not in known:
+            folder = tmp_path_factory.mktemp("part")
+            (folder / "cell.toml").write_text(CELL.format(**(PLAIN | cell), cam_lines=cam_lines))
+            lines = ["id,x,y,z,i,j,k,depth,feed"]
+            lines += [f"{n},{x},{y},0,0,0,1,{depth},{feed}" for n, x, y, depth, feed in rows]
+            (folder / "panel.csv").write_text("\n".join(lines) + "\n")
+            arguments = ["convert", folder / "panel.csv", "--cell", folder / "cell.toml"]
+            assert run([*map(str, arguments), "-o", str(folder / "out"), "-q"]) == 0
+            known[key] = folder / "out"
+        return known[key]
+
+    return make
+
+
+def answer(capsys, *arguments):
+    capsys.readouterr()
+    code = run([str(argument) for argument in arguments])
+    return code, capsys.readouterr().out
+
+
+# what the engineer did, and the beginning of the first line
+EDITS = {
+    "one hole moved": (
+        {"rows": edited("B2", x=65)},
+        "moved: CAM line 7 moved by (5, 0, 0) mm; 0 mm along and 5 mm",
+    ),
+    "all holes moved": (
+        {"rows": [(n, x, y + 5, d, f) for n, x, y, d, f in ROWS]},
+        "moved: 12 holes moved, all by (0, 5, 0) mm",
+    ),
+    "added": (
+        {"rows": [*ROWS[:5], ("N1", 30, 25, 12, 120), *ROWS[5:]]},
+        "added: 1 hole added: CAM line 7, at (30, 25, -12)",
+    ),
+    "removed": (
+        {"rows": [*ROWS[:6], *ROWS[7:]]},
+        "removed: 1 hole removed: CAM line 8, at (120, 50, -12)",
+    ),
+    "the first one removed": ({"rows": ROWS[1:]}, "removed: 1 hole removed: CAM line 2"),
+    "the last two removed": ({"rows": ROWS[:-2]}, "removed: 2 holes removed: CAM line 12, 13"),
+    "one feed": (
+        {"rows": edited("C2", feed=90)},
+        "process: feed 120 became 90 mm/min: CAM line 11",
+    ),
+    "all feeds": (
+        {"rows": [(*row[:4], 150) for row in ROWS]},
+        "process: feed 120 became 150 mm/min: CAM line 2, 3",
+    ),
+    "one depth": (
+        {"rows": edited("C2", depth=14)},
+        "process: depth +2 mm along the tool: CAM line 11",
+    ),
+    "two swapped": (
+        {"rows": swapped(5, 7)},
+        "order: CAM line 7 and CAM line 9 swapped, same holes",
+    ),
+    "order turned round": ({"rows": ROWS[::-1]}, "order: "),
+    "tool number": ({"tool": 3}, "cell: tool 1 became 3: all 48 motions"),
+    "base number": ({"base": 2}, "cell: base 1 became 2: all 48 motions"),
+    "a home": ({"home": HOME}, "cell: a home at both ends, (0, -90, 90, 0, 30, 0) deg"),
+    "base moved": (
+        {"x": 1405},
+        "cell: all points as before in tool and base, 48 motions with other joint angles",
+    ),
+    "tool length": (
+        {"length": 160},
+        "cell: all points as before in tool and base, 48 motions with other joint angles",
+    ),
+}
+
+
+def test_the_first_line_says_what_was_done(made, capsys):
+    failures = []
+    for name, (edit, expected) in EDITS.items():
+        code, out = answer(capsys, "diff", made() / "panel.src", made(**edit) / "panel.src")
+        lines = out.splitlines()
+        head = [line for line in lines if line.startswith("different: ")]
+        if code != 1 or not lines[0].startswith(expected) or lines.index(head[0]) > 10:
+            failures.append((name, lines[:3]))
+    assert not failures
+
+
+def test_what_the_set_up_module_enters(made, capsys):
+    for edit, expected in (
+        ({"x": 1405}, "cell: BASE_DATA[1] moved by (5, 0, 0) mm"),
+        ({"length": 160}, "cell: TOOL_DATA[1] moved by (10, 0, 0) mm"),
+    ):
+        folders = made(setup="true"), made(setup="true", **edit)
+        assert answer(capsys, "diff", *folders)[1].startswith(expected)
+
+
+def test_programs_without_cam_lines_and_to_the_same_place(made, capsys):
+    old = made(cam_lines="false") / "panel.src"
+    moved = made(cam_lines="false", rows=edited("B2", x=65)) / "panel.src"
+    code, out = answer(capsys, "diff", old, moved, "--json")
+    group = json.loads(out)["groups"][0]
+    assert (code, group["kind"], group["count"]) == (1, "moved", 1)
+    assert old.read_text().splitlines()[int(group["ids"][0].split()[1]) - 1].startswith("LIN {X 60")
+    assert json.loads(answer(capsys, "diff", old, old, "--json")[1])["groups"] == []
+
+
+def test_the_document(made, capsys):
+    new = made(rows=edited("B2", x=63, y=54))
+    out = answer(capsys, "diff", made() / "panel.src", new / "panel.src", "--json")[1]
+    groups = json.loads(out)["groups"]
+    moved = groups[0]
+    assert (moved["kind"], moved["ids"]) == ("moved", ["CAM line 7"])
+    assert moved["worst"] == {
+        "id": "CAM line 7", "dx_mm": 3.0, "dy_mm": 4.0, "dz_mm": 0.0,
+        "along_mm": 0.0, "across_mm": 5.0, "tilt_deg": 0.0,
+    }  # fmt: skip
+    assert sum(group["kind"] == "spin" for group in groups) <= 1
+
+
+def test_files_for_a_pull_request(made, tmp_path, capsys):
+    page, suite = tmp_path / "a.md", tmp_path / "a.xml"
+    files = ("--markdown", page, "--junit", suite)
+    assert answer(capsys, "diff", made(), made(rows=ROWS[::-1]), *files)[0] == 1
+    text = page.read_text().splitlines()
+    assert len(text) <= 60
+    assert any(line.startswith("| order |") for line in text)
+    cases = {case.get("name"): case for case in ET.parse(suite).getroot()}
+    assert cases["PANEL"].find("failure").get("message").startswith("order: ")
+    assert answer(capsys, "diff", made(), made(), *files)[0] == 0
+    assert ET.parse(suite).getroot().get("failures") == "0"
+
+
+def test_lint_as_junit(made, tmp_path, capsys):
+    suite = tmp_path / "lint.xml"
+    assert answer(capsys, "lint", made(), "--junit", suite)[0] == 0
+    assert [case.find("failure") for case in ET.parse(suite).getroot()] == [None, None]
+    bad = tmp_path / "panel.src"
+    bad.write_text((made() / "panel.src").read_text().replace("$VEL.CP=0.002", "$VEL.CP=-1", 1))
+    assert answer(capsys, "lint", bad, "--junit", suite)[0] == 1
+    failed = [c.get("name") for c in ET.parse(suite).getroot() if c.find("failure") is not None]
+    assert failed == [str(bad)]
