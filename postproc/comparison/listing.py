@@ -255,7 +255,7 @@ class _Lister(Interpreter):
         self._unseen.clear()
         self._execute(module, routine, ())
         place = (self.recorder.file_row(module.src_path), routine.end_line)
-        name = "" if routine is module.main else routine.name.upper()
+        name = "" if not self.ends else routine.name.upper()  # the program itself comes first
         self.ends.append((name, self.state.row(), place))
 
     def _execute(

@@ -543,7 +543,7 @@ class Interpreter:
         """Note whether the delivered interrupt 3 is at work; what others do is not followed."""
         number = None if statement.number is None else self.evaluator.value(statement.number)
         action = statement.action
-        self._aside("INTERRUPT")
+        self._aside("INTERRUPT", acts=number != 3)  # that of the INI only stops the program
         if statement.word == "DECL":
             if number == 3 or not isinstance(number, int):
                 stops = _is_stop_message(statement)

@@ -118,6 +118,13 @@ INPUTS = {
     ),
     "csv": Input("p.csv", POINTS, "inspect p.csv", skip="feed"),
     "apt": Input("p.apt", APT_TEXT, "inspect p.apt", skip="LOADTL|DRILL|DEEP2|PARTNO|STOP|SPINDL"),
+    "gcode": Input(
+        "p.nc",
+        "G21 G90 G17 G94\nT1 M6\nS3000. M3\nG0 X0. Y0. Z10.\nG1 Z-1. F120.\nX25.4 Y3.\n"
+        "G2 X30.4 Y8. I0. J5.\nG0 Z10.\nG98 G81 X5. Y6. Z-4. R2. F90.\nG80\nM30\n",
+        "inspect p.nc",
+        skip="G21|T1|M3|G80|M30|G81",
+    ),
     "delmia": Input(
         "p.xml",
         (FIXTURES / "olp_task" / "seam.xml").read_text(encoding="utf-8"),
@@ -127,6 +134,7 @@ INPUTS = {
 }
 NUMBER = re.compile(
     r'(?<![\w"_.#=-])-?\d+\.?\d*(e\d+)?(?![\w"_:])|(?<=[a-z]=")-?\d+\.?\d*(?=["\s])'
+    r"|(?<=[XYZIJRF])-?\d+\.\d*(?=[ \n])"
 )
 
 

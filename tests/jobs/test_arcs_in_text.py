@@ -141,7 +141,7 @@ def test_a_helix_of_the_text_rises_evenly(tmp_path, seat, sense, rise):
     sweep = 270.0
     job, n, at = job_of(tmp_path, seat, "xy", sweep, sense, rise)
     points = [step.point for step in steps(job) if step.word == "LIN"]
-    points = points[[np.linalg.norm(p - at(0)) < 1e-3 for p in points].index(True) : -1]
+    points = points[[np.linalg.norm(p - at(0)) < 1e-3 for p in points].index(True) : -2]
     assert len(points) > 20
     u = (at(0) - CENTRE) / RADIUS
     v = np.cross(n, u)

@@ -97,7 +97,8 @@ FINI
     + "</Resource></OLPData>",
     "signals.xml": "<OLPData><Resource><ActivityList Task='T'>"
     + "".join(
-        f"<Activity ActivityType='DNB{kind}SignalActivity'><S SignalName='{name}' "
+        f"<Activity ActivityType='DNB{kind}SignalActivity'><{kind}SignalAttributes "
+        f"SignalName='{name}' "
         "SignalValue='On' PortNumber='3'/></Activity>"
         for kind, name in (("Set", "GO"), ("Wait", "DONE"))
     )
@@ -310,6 +311,9 @@ CASES: dict[str, tuple[Any, ...]] = {
     "workpiece.frame.abc_deg": ({}, {"workpiece.frame.abc_deg": [10.0, 0.0, 0.0]}),
     **solids("workpiece.meshes", {**BLOCK, "xyz_mm": [100.0, 40.0, 60.0]}, HEAD),
     **solids("obstacles", BLOCK, HEAD),
+    "process.spindle": ({}, {"process.spindle": "hand"}),
+    "process.spindle_rpm": ({}, {"process.spindle_rpm": 3000.0}),
+    "motion.path_entry": ({}, {"motion.path_entry": "none"}, LINE),
     "process.feed_by": ({}, {"process.feed_by": "unit"}),
     "process.hole": ({}, {"process.hole": ["clamp", "drill", "unclamp"]}),
     "krl.outputs": ({}, {"krl.outputs": {"GO": 7}}, "signals.xml"),
@@ -565,7 +569,7 @@ def _tables(annotation: Any, is_list: bool = False) -> typing.Iterator[tuple[typ
             yield from _tables(part, is_list or typing.get_origin(annotation) is list)
 
 
-OF_CAMPAIGNS = {"measuring.sigma_mm"}
+OF_CAMPAIGNS = {key for key in leaves(CellFile) if key.startswith("measuring.")}
 """What no program depends on."""
 
 

@@ -124,8 +124,11 @@ def test_a_force_on_the_tool_is_held_as_its_virtual_work_asks(heavy):
     _, ran, cell = heavy(ENOUGH, process=process, feed=0.002)
     paths = ran.run.paths
     cuts = np.flatnonzero(paths.trace.is_cp & (paths.trace.column("speed") < 0.0021))
-    q = np.vstack([paths.q_sample[np.isin(paths.row, cuts)], paths.q[cuts - 1]])
-    q = q[np.isfinite(q).all(axis=1)]
+    held = np.isin(paths.row, cuts)
+    row = np.r_[paths.row[held], cuts, cuts[0]]
+    q = np.vstack([paths.q_sample[held], paths.q[cuts], paths.q[cuts[0] - 1]])
+    pushed = row < cuts[-1]  # the last one leads the tool away
+    assert np.isfinite(q).all()
     T_flange_tcp, kinematics = cell.tool.T_flange_tcp, build(cell.robot)
     needed = dynamics_of(cell.robot, cell.tool).torques(q, 0.0 * q, 0.0 * q)
     R = (kinematics.fk(q) @ T_flange_tcp)[:, :3, :3]
@@ -134,9 +137,11 @@ def test_a_force_on_the_tool_is_held_as_its_virtual_work_asks(heavy):
         moved = np.swapaxes(R, 1, 2) @ (after - before)[:, :3, 3:] / 2e-5
         turned = np.swapaxes(R, 1, 2) @ (after - before)[:, :3, :3] / 2e-5
         w = np.column_stack([turned[:, 2, 1], turned[:, 0, 2], turned[:, 1, 0]])
-        needed[:, axis] -= moved[:, :, 0] @ force + w @ moment
-    worst = (np.abs(needed) / np.array(ENOUGH)).max()
-    assert ran.worst["torque"].value == pytest.approx(100.0 * worst, rel=1e-3)
+        needed[:, axis] -= pushed * (moved[:, :, 0] @ force + w @ moment)
+    share = 100.0 * (np.abs(needed) / np.array(ENOUGH)).max(axis=1)
+    # the last row is where the way in begins: the worst place lies between it and the first sample
+    assert share[:-1].max() * (1.0 - 1e-3) <= ran.worst["torque"].value
+    assert ran.worst["torque"].value <= share.max() * (1.0 + 1e-3) <= 1.02 * share[:-1].max()
 
 
 def test_torques_without_inertias_are_refused(tmp_path):

@@ -138,7 +138,8 @@ def test_why_the_tool_cannot_leave_a_cut_is_told(make_cell, make_path):
         found = plan(make_path(points, [0.0, 0.0, 1.0]), cell)
         if found.errors:
             break
-    (error,) = found.errors
+    way_in, error = found.errors
+    assert "the tool cannot come down along its axis" in way_in.message
     assert "the tool cannot back off along its axis" in error.message
     assert error.code in {"PLN101", "PLN102", "PLN103"}  # there is nothing to collide with
     height = int(error.hint.rsplit("approach_mm to ", 1)[1])

@@ -139,6 +139,7 @@ def _content(verdict, adopted, joints=(0.7, 0.3)):
         "gap": {"rms_mm": 0.31},
         "shrinkage": {"value": 0.87, "rms_after_mm": 0.04},
         "effects": effects,
+        "residual": {"depends_on": []},
         "where": {"joints": [{"joint": j + 2, "share": s} for j, s in enumerate(joints)]},
     }
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from postproc.readers.text import LARGEST, Faults
 from postproc.records import dataclass
 
-_WORD = re.compile(r"([A-Z])([-+]?(?:\d+\.?\d*|\.\d+))")
+_WORD = re.compile(r"([A-DF-Z])([-+]?(?:\d+\.?\d*|\.\d+))")
 _COMMENT = re.compile(r"\(([^()]*)\)|;(.*)$")
 _MACRO = re.compile(r"[#\[\]=<>]|\b(?:IF|WHILE|GOTO|DO\d|END\d)\b|^O\s*<", re.IGNORECASE)
 _OTHER = (

@@ -21,7 +21,7 @@ _HOLE_LENGTHS = "XYZRQ"
 """K counts there."""
 _AXES = "XYZ"
 _ROTARY = "ABCUVW"
-_KNOWN = frozenset("GMNOXYZIJKRQFSTPLHDKE" + _ROTARY)
+_KNOWN = frozenset("GMNOXYZIJKRQFSTPLHD" + _ROTARY)
 _MOST_TURNS = 1000
 _REFERENCE = ("G28", "G30", "G53")
 _PLAIN = {"G0": MotionKind.RAPID, "G1": MotionKind.LINEAR}
