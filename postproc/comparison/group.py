@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from postproc.arrays import FloatArray
 from postproc.records import dataclass
 
 KINDS = ("cell", "order", "removed", "added", "moved", "process", "state", "posture", "spin")
@@ -56,3 +57,18 @@ def names(ids: Sequence[str]) -> str:
     """Return the first few of many ids, with what they are said once."""
     shown = [ids[0], *(i.removeprefix("CAM line ") for i in ids[1:NAMED])]
     return ", ".join(shown) + (f" and {len(ids) - NAMED} more" if len(ids) > NAMED else "")
+
+
+def tidy(value: float) -> float:
+    """Return a number with the digits that count, and no -0."""
+    return round(float(value), 4) + 0.0
+
+
+def xyz(values: FloatArray) -> list[float]:
+    """Return the coordinates (3,) as they are told."""
+    return [tidy(v) for v in values]
+
+
+def vector(values: Sequence[float]) -> str:
+    """Return coordinates as text."""
+    return "(" + ", ".join(f"{v:g}" for v in values) + ")"

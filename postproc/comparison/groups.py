@@ -9,9 +9,9 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.comparison.difference import Difference, DiffTolerance
-from postproc.comparison.group import KINDS, NAMED, Group, names
+from postproc.comparison.group import KINDS, NAMED, Group, names, tidy, vector, xyz
 from postproc.comparison.lines import Compared, Program
-from postproc.comparison.listed import changed_homes, elsewhere, home_of, listed
+from postproc.comparison.listed import NOT_HERE, changed_homes, elsewhere, home_of, listed
 from postproc.comparison.objects import Matched, Place, Shift, match, places_of, tool_axis
 from postproc.geometry import rotation_angle
 from postproc.units import DEG
@@ -62,7 +62,7 @@ class _Review:
             places_of(side, has_home=home_of(side) is not None)
             for side in (compared.old, compared.new)
         )
-        self.axis = tool_axis(self.old, self.new)
+        self.axis = tool_axis(self.old, self.new, compared)
         self.matched: Matched = match(self.old, self.new, self.axis, compared)
         self.home: list[Group] = list(changed_homes(compared, tolerance.angle_deg))
 
@@ -77,10 +77,10 @@ class _Review:
             if rows:
                 program = self.pair.old if kind == "removed" else self.pair.new
                 ids = [_name(places[k], program) for k in rows]
-                at = _xyz(places[rows[0]].points[places[rows[0]].deepest(self.axis)])
+                at = xyz(places[rows[0]].points[places[rows[0]].deepest(self.axis)])
                 text = f"{len(ids)} {_noun([places[k] for k in rows])} {kind}: {names(ids)}"
                 worst = {"id": ids[0], "position_mm": at}
-                yield Group(kind, len(ids), tuple(ids), worst, f"{text}, at {_vector(at)}")
+                yield Group(kind, len(ids), tuple(ids), worst, f"{text}, at {vector(at)}")
         yield from self._where()
         yield from self._feeds()
         yield from self._how()
@@ -89,7 +89,6 @@ class _Review:
         swapped = self.matched.swapped
         if not swapped:
             return
-        # two that changed places are one out of order and what stands where it stood
         where = dict(self.matched.pairs)
         back = {j: i for i, j in where.items()}
         exchanged = [(i, where[i]) for i in where if where.get(where[i]) == i and i < where[i]]
@@ -111,6 +110,7 @@ class _Review:
         """Yield what was moved, and what goes deeper or is approached from another height."""
         moved: list[tuple[Place, Place, Shift]] = []
         along: dict[tuple[str, float], list[str]] = {}
+        counts: dict[str, list[str]] = {}
         for i, j in self.matched.pairs:
             a, b = self.old[i], self.new[j]
             shift = Shift.of(a, b, self.axis)
@@ -122,30 +122,40 @@ class _Review:
             elif abs(shift.further) > self.limits.position_mm:
                 key = "approach height", round(-shift.further, 3)
                 along.setdefault(key, []).append(_name(a, self.pair.old))
+            if len(a.path) != len(b.path):
+                text = f"{len(a.path)} motions became {len(b.path)}"
+                counts.setdefault(text, []).append(_name(a, self.pair.old))
         yield from self._moved(moved)
         for (what, change), ids in sorted(along.items(), key=lambda item: -abs(item[0][1])):
             text = f"{what} {change:+g} mm along the tool: {names(ids)}"
             worst = {"id": ids[0], "change_mm": change}
             yield Group("process", len(ids), tuple(ids), worst, text)
+        for text, ids in counts.items():
+            worst = {"id": ids[0]}
+            yield Group("process", len(ids), tuple(ids), worst, f"{text}: {names(ids)}")
 
     def _how(self) -> Iterator[Group]:
         """Yield other postures, and turns about the tool axis."""
         flips: list[str] = []
         detours: list[str] = []
         spins: list[tuple[float, str, int]] = []
+        turned: list[tuple[float, str]] = []
         for i, j in self.matched.pairs:
             a, b = self.old[i], self.new[j]
             name = _name(a, self.pair.old)
             before, after = self._joints(a, b)
+            by_joints = float(np.abs(before - after).max(initial=0.0)) / DEG
             if len(a.joints) != len(b.joints):
                 detours.append(name)
             if _flipped(before, after):
                 flips.append(name)
             elif not Shift.of(a, b, self.axis).is_moved(self.limits):
                 turn = float(rotation_angle(a.R[-1], b.R[-1])) / DEG
-                by_joints = float(np.abs(before - after).max(initial=0.0)) / DEG
-                if max(turn, by_joints) > self.limits.angle_deg:
+                if turn > self.limits.angle_deg:
                     spins.append((turn, name, len(b.path) + len(b.joints)))
+                elif by_joints > self.limits.angle_deg:
+                    turned.append((by_joints, name))
+        yield from self._joints_alone(turned)
         for ids, what in (
             (flips, "the arm stands in another posture at"),
             (detours, "the arm goes another way to"),
@@ -158,32 +168,45 @@ class _Review:
             worst = {"id": name, "angle_deg": round(turn, 4)}
             yield Group("spin", count, tuple(item[1] for item in spins), worst, "")
 
+    def _joints_alone(self, turned: list[tuple[float, str]]) -> Iterator[Group]:
+        """Yield joint motions that end elsewhere although their places are as before."""
+        if not turned:
+            return
+        angle, worst = max(turned)
+        ids = tuple(name for _, name in turned)
+        size = {"id": worst, "angle_deg": tidy(angle)}
+        is_all = 2 * len(turned) > len(self.matched.pairs)
+        text = f"joint targets moved by up to {angle:.4g} deg, the path behind them as before: "
+        text += NOT_HERE if is_all else names(ids)
+        yield Group("cell" if is_all else "posture", len(ids), ids, size, text)
+
     def _moved(self, moved: list[tuple[Place, Place, Shift]]) -> Iterator[Group]:
         if not moved:
             return
         moved = sorted(moved, key=lambda item: (-item[2].size, item[0].cam))
         ids = [_name(place, self.pair.old) for place, _, _ in moved]
         worst = moved[0][2]
-        along, across = abs(_tidy(worst.deeper)), _tidy(worst.across)
-        amounts = {"along_mm": along, "across_mm": across, "tilt_deg": _tidy(worst.tilt_deg)}
-        xyz = _xyz(worst.xyz)
-        text = f"{names(ids)} moved by {_vector(xyz)} mm"
+        along, across = abs(tidy(worst.deeper)), tidy(worst.across)
+        amounts = {"along_mm": along, "across_mm": across, "tilt_deg": tidy(worst.tilt_deg)}
+        step = xyz(worst.xyz)
+        text = f"{names(ids)} moved by {vector(step)} mm"
         if len(ids) > 1:
             off = max(float(np.abs(item[2].xyz - worst.xyz).max()) for item in moved)
             how = "all" if off <= self.limits.position_mm else f"{ids[0]} most,"
             text = f"{len(ids)} {_noun([item[0] for item in moved])} moved, {how} by "
-            text += f"{_vector(xyz)} mm: {names(ids)}"
-        text += f"; {along:g} mm along and {across:g} mm across the tool"
-        text += f", axis tilted by {worst.tilt_deg:.4g} deg" if worst.tilt_deg else ""
-        steps = dict(zip(("dx_mm", "dy_mm", "dz_mm"), xyz, strict=True))
+            text += f"{vector(step)} mm: {names(ids)}"
+        if self.axis.any():
+            text += f"; {along:g} mm along and {across:g} mm across the tool"
+        text += f", tilted by {worst.tilt_deg:.4g} deg" if worst.tilt_deg else ""
+        steps = dict(zip(("dx_mm", "dy_mm", "dz_mm"), step, strict=True))
         yield Group("moved", len(ids), tuple(ids), {"id": ids[0], **steps, **amounts}, text)
 
     def _joints(self, a: Place, b: Place) -> tuple[FloatArray, FloatArray]:
-        """Return the last joint targets (6,) of two places [rad], zeros where one has none."""
-        if not len(a.joints) or not len(b.joints):
-            return np.zeros(6), np.zeros(6)
+        """Return the joint targets (k, 6) to two places [rad], as far as both have some."""
+        count = min(len(a.joints), len(b.joints))
         old, new = self.pair.old.trace, self.pair.new.trace
-        return np.nan_to_num(old.target[a.joints[-1]]), np.nan_to_num(new.target[b.joints[-1]])
+        before, after = a.joints[len(a.joints) - count :], b.joints[len(b.joints) - count :]
+        return np.nan_to_num(old.target[before]), np.nan_to_num(new.target[after])
 
     # --------------------------------------------------------------------------------- the speed
 
@@ -213,9 +236,9 @@ def _by_speed(item: tuple[tuple[bool, float, float], list[str]]) -> tuple[bool, 
 
 
 def _flipped(a: FloatArray, b: FloatArray) -> bool:
-    """Whether two joint targets (6,) [rad] are no neighbours: other side of the wrist, or turns."""
-    is_wrist = bool(a[4] * b[4] < 0.0 and min(abs(a[4]), abs(b[4])) > _FLIP)
-    return is_wrist or float(np.abs(a - b).max()) > np.pi
+    """Whether joint targets (k, 6) [rad] are no neighbours: other side of the wrist, or turns."""
+    wrist = (a[:, 4] * b[:, 4] < 0.0) & (np.minimum(np.abs(a[:, 4]), np.abs(b[:, 4])) > _FLIP)
+    return bool(wrist.any() or (np.abs(a - b) > np.pi).any())
 
 
 def _name(place: Place, program: Program) -> str:
@@ -226,15 +249,3 @@ def _name(place: Place, program: Program) -> str:
 def _noun(places: Sequence[Place]) -> str:
     what = "hole" if all(len(place.path) > 1 for place in places) else "point"
     return what if len(places) == 1 else f"{what}s"
-
-
-def _tidy(value: float) -> float:
-    return round(float(value), 4) + 0.0
-
-
-def _xyz(vector: FloatArray) -> list[float]:
-    return [_tidy(v) for v in vector]
-
-
-def _vector(xyz: Sequence[float]) -> str:
-    return "(" + ", ".join(f"{v:g}" for v in xyz) + ")"

@@ -26,11 +26,17 @@ _GROUP_OF = {
     "motion": "process",
     "external": "posture",
     "status": "posture",
+    "moved": "moved",
 }
 """Kind of a difference to the kind of its group; the others are the state of the controller."""
 _PLACES = frozenset({"moved", "inserted", "removed"})
+NOT_HERE = (
+    "what changed is not in the program: where the base stands, the TCP, limits, solids or "
+    "settings of the cell"
+)
 _COUNT = re.compile(r", (\d+) motions$")
 _FRAME_DATA = re.compile(r"\b(TOOL|BASE|LOAD)_DATA\b|^load ")
+_ARC = ("auxiliary point ", "CA ", "no CA ")
 _PATH_SPEED = "$VEL.CP "
 
 
@@ -40,7 +46,10 @@ def listed(
     """Return the groups of what is not told by places; ``known``: the kinds that these gave."""
     rows: dict[tuple[str, str], list[tuple[Difference, int]]] = {}
     for item in differences:
-        if item.kind in _PLACES or (item.detail.startswith(_PATH_SPEED) and "process" in known):
+        is_arc = item.detail.startswith(_ARC)
+        if (item.kind in _PLACES and not is_arc) or (
+            item.detail.startswith(_PATH_SPEED) and "process" in known
+        ):
             continue
         motions = _COUNT.search(item.detail)
         text = _COUNT.sub("", item.detail)
@@ -91,11 +100,8 @@ def _rest(left: Sequence[Difference]) -> Group:
 def elsewhere(found: Sequence[Group]) -> Group:
     """Return the group that says that what changed does not stand in the program."""
     count = sum(group.count for group in found)
-    text = (
-        f"all points as before in tool and base, {count} motions with other joint angles: what "
-        "changed is not in the program: where the base stands, the TCP, limits, solids or settings "
-        "of the cell"
-    )
+    text = f"all points as before in tool and base, {count} motions with other joint angles: "
+    text += NOT_HERE
     return Group("cell", count, (), dict(found[0].worst), text)
 
 

@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 from postproc.arrays import FloatArray, IndexArray, longest_rising
 from postproc.comparison.difference import DiffTolerance
 from postproc.comparison.lines import Compared, Program
-from postproc.geometry import rotation_from_abc
+from postproc.geometry import rotation_angle, rotation_from_abc
 from postproc.records import dataclass
 from postproc.units import DEG, MM
 
@@ -91,30 +91,57 @@ def _in_line(points: FloatArray, head: int, k: int) -> bool:
     return size == 0.0 or abs(float(first @ last)) > _STRAIGHT * size
 
 
-def tool_axis(old: list[Place], new: list[Place]) -> FloatArray:
-    """Return the axis (3,) of the TCP frame along which holes are made: +-x, +-y or +-z.
+def tool_axis(old: list[Place], new: list[Place], compared: Compared) -> FloatArray:
+    """Return the axis (3,) of the TCP frame along which tools work: +-x, +-y or +-z; 0 if unknown.
 
-    The first stroke of a hole goes into the part; without holes x, the tool direction of KUKA.
+    The first stroke of a hole goes into the part. Without holes it is the axis about which the
+    program turns the tool, or one program against the other; its sense is not known then.
     """
     votes = np.zeros((2, 3))
     for place in (*old, *new):
-        if len(place.points) > 1:
+        if len(place.points) > 1 and np.array_equal(place.R[0], place.R[1]):
             stroke = place.R[0].T @ (place.points[1] - place.points[0])
             length = float(np.linalg.norm(stroke))
             k = int(np.argmax(np.abs(stroke)))
             if length > _STROKE_MM and abs(stroke[k]) > _STRAIGHT * length:
                 votes[int(stroke[k] < 0.0), k] += 1
+    if not votes.any():
+        votes[0] = _turning(old, new, compared)
     sign, column = divmod(int(np.argmax(votes)), 3)
     axis = np.zeros(3)
-    axis[column] = -1.0 if sign else 1.0
+    axis[column] = 0.0 if not votes.any() else -1.0 if sign else 1.0
     return axis
+
+
+def _turning(old: list[Place], new: list[Place], compared: Compared) -> FloatArray:
+    """Return how many turns (3,) of tools are about each axis of the TCP frame."""
+    sides = [np.concatenate([p.R for p in side]) for side in (old, new) if side]
+    turns = [(R[:-1], R[1:]) for R in sides]
+    at = compared.distance < NEAR_MM * MM
+    at &= ~compared.old.trace.is_axes[compared.old_motion]
+    i, j = compared.old_motion[at], compared.new_motion[at]
+    abc = compared.old.trace.target[i, 3:], compared.new.trace.target[j, 3:]
+    turns.append(
+        (rotation_from_abc(np.nan_to_num(abc[0])), rotation_from_abc(np.nan_to_num(abc[1])))
+    )
+    votes = np.zeros(3)
+    for R_a, R_b in turns:
+        M = np.swapaxes(R_a, 1, 2) @ R_b
+        axes = np.stack(
+            [M[:, 2, 1] - M[:, 1, 2], M[:, 0, 2] - M[:, 2, 0], M[:, 1, 0] - M[:, 0, 1]], 1
+        )
+        size = np.linalg.norm(axes, axis=1)
+        is_one = np.abs(axes).max(axis=1) > (1.0 - 1e-4) * size
+        turned = axes[is_one & (size > 1e-4)]
+        votes += np.bincount(np.abs(turned).argmax(axis=1), minlength=3)
+    return votes
 
 
 @dataclass(frozen=True, slots=True)
 class Shift:
     """How a place moved [mm]: its deepest point by ``xyz`` (3,), ``deeper`` along the tool.
 
-    ``further``: its first point along the tool; ``across`` the tool, whichever moved more.
+    ``further``: along the tool the point that moved most unlike it; ``across``: any of them.
     """
 
     xyz: FloatArray
@@ -128,14 +155,22 @@ class Shift:
         """Return the shift between two versions of a place; ``axis``: of the tool in the TCP."""
         k, n = a.deepest(axis), b.deepest(axis)
         tool, other = a.R[k] @ axis, b.R[n] @ axis
-        deepest, first = b.points[n] - a.points[k], b.points[0] - a.points[0]
-        across = max(float(np.linalg.norm(v - (v @ tool) * tool)) for v in (deepest, first))
+        steps = np.array([b.points[n] - a.points[k], b.points[0] - a.points[0]])
+        if len(a.points) == len(b.points):
+            steps = np.vstack([steps, b.points - a.points])
+        along = steps @ tool
+        across = np.linalg.norm(steps - along[:, None] * tool, axis=1)
         tilt = float(np.arctan2(np.linalg.norm(np.cross(tool, other)), tool @ other)) / DEG
+        if not axis.any():
+            tilt = float(rotation_angle(a.R[k], b.R[n])) / DEG
+        # the deepest point speaks for all, but for those of an arc or of a hand's edit
+        worst = 0 if across[0] >= across.max() - NEAR_MM else int(np.argmax(across))
+        further = along[int(np.argmax(np.abs(along - along[0])))]
         return cls(
-            deepest,
-            float(deepest @ tool),
-            float(first @ tool),
-            across,
+            steps[worst],
+            float(along[worst]),
+            float(further),
+            float(across.max()),
             tilt if tilt > _TILT else 0.0,
         )
 

@@ -143,6 +143,33 @@ def test_what_the_set_up_module_enters(made, capsys):
         assert answer(capsys, "diff", *folders)[1].startswith(expected)
 
 
+def test_a_program_with_its_set_up_module_is_the_same_as_itself(made, capsys):
+    program = made(setup="true", home=HOME) / "panel.src"
+    assert answer(capsys, "diff", program, program) == (0, "same: 50 motions\n")
+
+
+def test_hands_edits_are_told_as_what_they_are(made, tmp_path, capsys):
+    text = (made() / "panel.src").read_text()
+    line = next(row for row in text.splitlines() if row.startswith("PTP") and "line 8" in row)
+    angle = line.partition("A1 ")[2].partition(",")[0]
+    edits = {
+        (line, line.replace(angle, f"{float(angle) + 3:.5f}")): "posture: joint targets moved by",
+        ("X 120.0000,Y 50.0000,Z 10.0000", "X 120.0000,Y 51.0000,Z 10.0000"): "moved: CAM line 8",
+        ("X 120.0000,Y 50.0000,Z 2.0000", "X 120.0000,Y 50.0000,Z 3.0000"): "process: approach",
+        ("BAS(#VEL_PTP,50)", "BAS(#VEL_PTP,60)"): "process: $VEL_AXIS 50 became 60 %: all 48",
+        ("$ADVANCE=3", "$ADVANCE=1"): "state: $ADVANCE 3 became 1",
+        ("$VEL.CP=1.0", "PP_SPINDLE_ON(3000)\n$VEL.CP=1.0"): "process: added PP_SPINDLE_ON(3000)",
+    }  # fmt: skip
+    failures = []
+    for (old, new), expected in edits.items():
+        assert old in text
+        (tmp_path / "panel.src").write_text(text.replace(old, new, 1))
+        out = answer(capsys, "diff", made() / "panel.src", tmp_path / "panel.src")[1]
+        if not out.startswith(expected):
+            failures.append((expected, out.splitlines()[:2]))
+    assert not failures
+
+
 def test_programs_without_cam_lines_and_to_the_same_place(made, capsys):
     old = made(cam_lines="false") / "panel.src"
     moved = made(cam_lines="false", rows=edited("B2", x=65)) / "panel.src"
