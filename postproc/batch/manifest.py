@@ -93,6 +93,7 @@ class Manifest:
             "errors": list(result.errors),
             "warnings": list(result.warnings) if result.status == "ok" else [],
             "fingerprint": dict(marks),
+            **{name: dict(known) for name, known in result.about.items()},
         }
         self.entries[result.key] = entry
         self._append(json.dumps({"key": result.key, "entry": entry}).encode() + b"\n")

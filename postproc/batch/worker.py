@@ -5,13 +5,16 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import field, replace
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from postproc.errors import PostprocError, Severity
+from postproc.geometry import kuka_from_transform
 from postproc.records import dataclass
 
 if TYPE_CHECKING:
+    from postproc.arrays import FloatArray
     from postproc.batch.jobs import Job
+    from postproc.jobs.convert import Conversion
 
 T = TypeVar("T")
 
@@ -22,7 +25,7 @@ class JobResult:
 
     ``status``: ``ok``; ``failed`` (tags fail, nothing written); ``error`` (wrong input);
     ``timeout``, ``memory``, ``crash`` (the worker died). ``errors``, ``warnings``: one line each;
-    the latter are of the program.
+    the latter are of the program. ``about``: see ``_about``.
     """
 
     key: str
@@ -33,6 +36,7 @@ class JobResult:
     warnings: tuple[str, ...] = ()
     tags: int = 0
     cycle_time: float = 0.0
+    about: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
 
 def run_job(job: Job) -> JobResult:
@@ -86,7 +90,31 @@ def _convert(job: Job) -> JobResult:
         warnings=warnings,
         tags=len(conversion.toolpath),
         cycle_time=round(conversion.plan.cycle_time, 3),
+        about=_about(conversion, has_lines=job.toolpath is None),
     )
+
+
+def _about(conversion: Conversion, *, has_lines: bool) -> dict[str, dict[str, Any]]:
+    """Return what a reviewer of a program wants to know and its text does not hold.
+
+    ``tools``, ``bases``: frames X, Y, Z [mm], A, B, C [deg] in flange and robot root by number;
+    ``ids`` of the tags by the CAM line that the program names.
+    """
+    cell, path = conversion.cell, conversion.toolpath
+    names: dict[str, set[str]] = {}
+    if has_lines and path.names is not None:
+        for line, name in zip(path.line.tolist(), path.names, strict=True):
+            names.setdefault(str(line), set()).add(name)
+    return {
+        "tools": {str(tool.number): _frame(tool.T_flange_tcp) for tool in cell.tools},
+        "bases": {str(base.number): _frame(base.T_robroot_base) for base in cell.bases},
+        "ids": {line: min(found) for line, found in names.items() if len(found) == 1},
+    }
+
+
+def _frame(T: FloatArray) -> list[float]:
+    xyz_mm, abc_deg = kuka_from_transform(T)
+    return [round(float(v), 6) + 0.0 for v in (*xyz_mm, *abc_deg)]
 
 
 def limit_memory(gigabytes: float | None) -> None:

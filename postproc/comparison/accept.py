@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from postproc.comparison.manifest import NAME as MANIFEST
 from postproc.controller import load_program
 from postproc.errors import KrlError, SourceRef
 from postproc.files import read_bytes, write_files
 from postproc.krl import KrlModule, load_modules
-
-_MANIFEST = "manifest.json"
-"""What a batch keeps about the programs of a folder; it goes with them."""
 
 
 def accept(old: str | Path, new: str | Path) -> list[str]:
@@ -30,8 +28,8 @@ def accept(old: str | Path, new: str | Path) -> list[str]:
     if left.is_dir():
         before, after = _files(left, load_modules([left])), _files(right, load_modules([right]))
         gone = sorted(before.keys() - after.keys())
-        if (right / _MANIFEST).is_file():
-            after[_MANIFEST] = right / _MANIFEST
+        if (right / MANIFEST).is_file():
+            after[MANIFEST] = right / MANIFEST
     else:
         if left.stem.upper() != right.stem.upper():
             raise KrlError(

@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from postproc.arrays import FloatArray
+from postproc.comparison import listed as beside
 from postproc.comparison.difference import Difference, DiffTolerance
 from postproc.comparison.group import KINDS, NAMED, Group, names, tidy, vector, xyz
-from postproc.comparison.lines import Compared, Program
-from postproc.comparison.listed import NOT_HERE, changed_homes, elsewhere, home_of, listed
+from postproc.comparison.lines import Compared
+from postproc.comparison.manifest import about
 from postproc.comparison.objects import Matched, Place, Shift, match, places_of, tool_axis
 from postproc.geometry import rotation_angle
 from postproc.units import DEG
@@ -33,24 +34,11 @@ def groups_of(
         own = list(review.groups())
         name = "" if len(reviews) == 1 else Path(review.pair.old.trace.files[0]).stem
         found += [group.of_program(name) if name else group for group in own]
-    found = [*(group for group in found if group.kind != "spin"), *_one_spin(found)]
-    found += listed(differences, compared, {group.kind for group in found})
+    found = [*(group for group in found if group.kind != "spin"), *beside.one_spin(found)]
+    found += beside.listed(differences, compared, {group.kind for group in found})
     if {group.kind for group in found} == {"spin"}:
-        found.insert(0, elsewhere(found))
+        found.insert(0, beside.elsewhere(found))
     return tuple(sorted(found, key=lambda group: KINDS.index(group.kind)))
-
-
-def _one_spin(found: Sequence[Group]) -> list[Group]:
-    """Return the turns about the tool of all programs as one group."""
-    spins = [group for group in found if group.kind == "spin"]
-    if not spins:
-        return []
-    worst = max((group.worst for group in spins), key=lambda item: float(item["angle_deg"]))
-    count = sum(group.count for group in spins)
-    text = f"{count} motions keep tool point and tool axis and turn about it only, "
-    text += f"at most {worst['angle_deg']:.3g} deg, at {worst['id']}"
-    ids = tuple(name for group in spins for name in group.ids)
-    return [Group("spin", count, ids, worst, text)]
 
 
 class _Review:
@@ -59,15 +47,17 @@ class _Review:
     def __init__(self, compared: Compared, tolerance: DiffTolerance) -> None:
         self.pair, self.limits = compared, tolerance
         self.old, self.new = (
-            places_of(side, has_home=home_of(side) is not None)
+            places_of(side, has_home=beside.home_of(side) is not None)
             for side in (compared.old, compared.new)
         )
+        self.about = [about(side.trace.files) for side in (compared.old, compared.new)]
         self.axis = tool_axis(self.old, self.new, compared)
         self.matched: Matched = match(self.old, self.new, self.axis, compared)
-        self.home: list[Group] = list(changed_homes(compared, tolerance.angle_deg))
+        self.home: list[Group] = list(beside.changed_homes(compared, tolerance.angle_deg))
 
     def groups(self) -> Iterator[Group]:
         """Yield what differs, by kind."""
+        yield from beside.changed_frames(self.pair, *self.about)
         yield from self.home
         yield from self._order()
         for kind, places, rows in (
@@ -75,8 +65,7 @@ class _Review:
             ("added", self.new, self.matched.added),
         ):
             if rows:
-                program = self.pair.old if kind == "removed" else self.pair.new
-                ids = [_name(places[k], program) for k in rows]
+                ids = [self._name(places[k], is_new=kind == "added") for k in rows]
                 at = xyz(places[rows[0]].points[places[rows[0]].deepest(self.axis)])
                 text = f"{len(ids)} {_noun([places[k] for k in rows])} {kind}: {names(ids)}"
                 worst = {"id": ids[0], "position_mm": at}
@@ -85,6 +74,13 @@ class _Review:
         yield from self._feeds()
         yield from self._how()
 
+    def _name(self, place: Place, *, is_new: bool = False) -> str:
+        """Return a place by its id or CAM line, else by its line in the program."""
+        trace = (self.pair.new if is_new else self.pair.old).trace
+        known = self.about[is_new].get("ids", {}).get(str(place.cam))
+        line = f"CAM line {place.cam}" if place.cam else f"line {trace.line[place.path[0]]}"
+        return str(known or line)
+
     def _order(self) -> Iterator[Group]:
         swapped = self.matched.swapped
         if not swapped:
@@ -92,13 +88,13 @@ class _Review:
         where = dict(self.matched.pairs)
         back = {j: i for i, j in where.items()}
         exchanged = [(i, where[i]) for i in where if where.get(where[i]) == i and i < where[i]]
-        ids = [_name(self.old[i], self.pair.old) for i, _ in swapped]
+        ids = [self._name(self.old[i]) for i, _ in swapped]
         text = f"{len(ids)} {_noun([self.old[i] for i, _ in swapped])} in another order, "
         text += f"nothing else about them: {names(ids)}"
         is_pure = len(self.old) == len(self.new) and len(back) == len(where)
         others = {k for pair in exchanged for k in pair}
         if is_pure and exchanged and {i for i, j in where.items() if i != j} == others:
-            ids = [_name(self.old[k], self.pair.old) for pair in exchanged for k in pair]
+            ids = [self._name(self.old[k]) for pair in exchanged for k in pair]
             both = [f"{a} and {b}" for a, b in zip(ids[::2], ids[1::2], strict=True)]
             text = f"{'; '.join(both[:NAMED])} swapped, same {_noun(self.old)}"
             text += f"; {len(both) - NAMED} more swaps" if len(both) > NAMED else ""
@@ -118,13 +114,13 @@ class _Review:
                 moved.append((a, b, shift))
             elif abs(shift.deeper) > self.limits.position_mm:
                 key = "depth", round(shift.deeper, 3)
-                along.setdefault(key, []).append(_name(a, self.pair.old))
+                along.setdefault(key, []).append(self._name(a))
             elif abs(shift.further) > self.limits.position_mm:
                 key = "approach height", round(-shift.further, 3)
-                along.setdefault(key, []).append(_name(a, self.pair.old))
+                along.setdefault(key, []).append(self._name(a))
             if len(a.path) != len(b.path):
                 text = f"{len(a.path)} motions became {len(b.path)}"
-                counts.setdefault(text, []).append(_name(a, self.pair.old))
+                counts.setdefault(text, []).append(self._name(a))
         yield from self._moved(moved)
         for (what, change), ids in sorted(along.items(), key=lambda item: -abs(item[0][1])):
             text = f"{what} {change:+g} mm along the tool: {names(ids)}"
@@ -142,7 +138,7 @@ class _Review:
         turned: list[tuple[float, str]] = []
         for i, j in self.matched.pairs:
             a, b = self.old[i], self.new[j]
-            name = _name(a, self.pair.old)
+            name = self._name(a)
             before, after = self._joints(a, b)
             by_joints = float(np.abs(before - after).max(initial=0.0)) / DEG
             if len(a.joints) != len(b.joints):
@@ -169,7 +165,7 @@ class _Review:
             yield Group("spin", count, tuple(item[1] for item in spins), worst, "")
 
     def _joints_alone(self, turned: list[tuple[float, str]]) -> Iterator[Group]:
-        """Yield joint motions that end elsewhere although their places are as before."""
+        """Yield joint motions that end beside.elsewhere although their places are as before."""
         if not turned:
             return
         angle, worst = max(turned)
@@ -177,14 +173,14 @@ class _Review:
         size = {"id": worst, "angle_deg": tidy(angle)}
         is_all = 2 * len(turned) > len(self.matched.pairs)
         text = f"joint targets moved by up to {angle:.4g} deg, the path behind them as before: "
-        text += NOT_HERE if is_all else names(ids)
+        text += beside.NOT_HERE if is_all else names(ids)
         yield Group("cell" if is_all else "posture", len(ids), ids, size, text)
 
     def _moved(self, moved: list[tuple[Place, Place, Shift]]) -> Iterator[Group]:
         if not moved:
             return
         moved = sorted(moved, key=lambda item: (-item[2].size, item[0].cam))
-        ids = [_name(place, self.pair.old) for place, _, _ in moved]
+        ids = [self._name(place) for place, _, _ in moved]
         worst = moved[0][2]
         along, across = abs(tidy(worst.deeper)), tidy(worst.across)
         amounts = {"along_mm": along, "across_mm": across, "tilt_deg": tidy(worst.tilt_deg)}
@@ -220,7 +216,7 @@ class _Review:
             slow, fast = old[a.path], new[b.path]
             for k in np.flatnonzero(np.abs(slow - fast) > self.limits.speed * slow).tolist():
                 key = k == a.deepest(self.axis), float(slow[k]), float(fast[k])
-                found.setdefault(key, []).append(_name(a, self.pair.old))
+                found.setdefault(key, []).append(self._name(a))
         for (is_feed, *speeds), places in sorted(found.items(), key=_by_speed):
             ids = tuple(dict.fromkeys(places))
             before, after = (float(f"{speed * _MM_MIN:.6g}") for speed in speeds)
@@ -239,11 +235,6 @@ def _flipped(a: FloatArray, b: FloatArray) -> bool:
     """Whether joint targets (k, 6) [rad] are no neighbours: other side of the wrist, or turns."""
     wrist = (a[:, 4] * b[:, 4] < 0.0) & (np.minimum(np.abs(a[:, 4]), np.abs(b[:, 4])) > _FLIP)
     return bool(wrist.any() or (np.abs(a - b) > np.pi).any())
-
-
-def _name(place: Place, program: Program) -> str:
-    """Return by what a reviewer finds a place: its CAM line, else its line in the program."""
-    return f"CAM line {place.cam}" if place.cam else f"line {program.trace.line[place.path[0]]}"
 
 
 def _noun(places: Sequence[Place]) -> str:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence, Set
+from typing import Any
 
 import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.comparison.difference import Difference
-from postproc.comparison.group import Group
+from postproc.comparison.group import Group, tidy
 from postproc.comparison.lines import Compared, Program
 from postproc.controller import Trace
 from postproc.geometry import kuka_from_transform
@@ -97,6 +98,19 @@ def _rest(left: Sequence[Difference]) -> Group:
     return Group("moved", len(left), tuple(map(_line, left)), {"id": _line(worst), **size}, text)
 
 
+def one_spin(found: Sequence[Group]) -> list[Group]:
+    """Return the turns about the tool of all programs as one group."""
+    spins = [group for group in found if group.kind == "spin"]
+    if not spins:
+        return []
+    worst = max((group.worst for group in spins), key=lambda item: float(item["angle_deg"]))
+    count = sum(group.count for group in spins)
+    text = f"{count} motions keep tool point and tool axis and turn about it only, "
+    text += f"at most {worst['angle_deg']:.3g} deg, at {worst['id']}"
+    ids = tuple(name for group in spins for name in group.ids)
+    return [Group("spin", count, ids, worst, text)]
+
+
 def elsewhere(found: Sequence[Group]) -> Group:
     """Return the group that says that what changed does not stand in the program."""
     count = sum(group.count for group in found)
@@ -144,9 +158,25 @@ def _shift(a: FloatArray, b: FloatArray) -> str:
 
 def _delta(change: FloatArray) -> str:
     """Return how a frame (6,) [mm, deg] moved."""
-    x, y, z, a, b, c = (round(float(v), 4) + 0.0 for v in change)
-    turned = f", A, B, C by ({a:g}, {b:g}, {c:g}) deg" if (a, b, c) != (0.0, 0.0, 0.0) else ""
-    return f" moved by ({x:g}, {y:g}, {z:g}) mm{turned}"
+    turned = (change[3:] + 180.0) % 360.0 - 180.0
+    x, y, z, a, b, c = (tidy(v) for v in (*change[:3], *turned))
+    angles = f", A, B, C by ({a:g}, {b:g}, {c:g}) deg" if (a, b, c) != (0.0, 0.0, 0.0) else ""
+    return f" moved by ({x:g}, {y:g}, {z:g}) mm{angles}"
+
+
+def changed_frames(compared: Compared, old: dict[str, Any], new: dict[str, Any]) -> Iterator[Group]:
+    """Yield the tools and bases of a program whose frames moved, by what the manifests say."""
+    count = len(compared.new_motion)
+    for kind, name in (("bases", "base"), ("tools", "tool")):
+        numbers = {str(getattr(s, f"{name}_number")) for s in compared.new.trace.settings}
+        before, after = old.get(kind, {}), new.get(kind, {})
+        for number in sorted(numbers & before.keys() & after.keys()):
+            change = np.subtract(after[number], before[number])
+            if np.abs(change).max() > 1e-6:
+                one = f"{name} {number}"
+                text = f"{one}{_delta(change)}: {count} motions with it"
+                size = float(np.linalg.norm(change[:3]))
+                yield Group("cell", count, (one,), {"id": one, "distance_mm": round(size, 4)}, text)
 
 
 def home_of(program: Program) -> FloatArray | None:

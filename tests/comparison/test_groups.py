@@ -143,6 +143,33 @@ def test_what_the_set_up_module_enters(made, capsys):
         assert answer(capsys, "diff", *folders)[1].startswith(expected)
 
 
+def test_what_the_manifest_knows(tmp_path, capsys):
+    def batch(name, rows=ROWS, **cell):
+        folder = tmp_path / name
+        (folder / "in").mkdir(parents=True)
+        (folder / "cell.toml").write_text(CELL.format(**(PLAIN | cell), cam_lines="true"))
+        lines = ["id,x,y,z,i,j,k,depth,feed"]
+        lines += [f"{n},{x},{y},0,0,0,1,{depth},{feed}" for n, x, y, depth, feed in rows]
+        (folder / "in" / "panel.csv").write_text("\n".join(lines) + "\n")
+        arguments = ["batch", folder / "in", "--cell", folder / "cell.toml", "-o", folder / "out"]
+        assert answer(capsys, *arguments, "--jobs", 1, "-q")[0] == 0
+        return folder / "out"
+
+    old = batch("old")
+    for name, edit, expected in (
+        ("moved", {"rows": edited("B2", x=65)}, "moved: B2 moved by (5, 0, 0) mm"),
+        ("swap", {"rows": swapped(5, 7)}, "order: B2 and B4 swapped, same holes"),
+        ("base", {"x": 1405}, "cell: base 1 moved by (5, 0, 0) mm: 48 motions with it"),
+        ("tool", {"length": 160}, "cell: tool 1 moved by (10, 0, 0) mm: 48 motions with it"),
+    ):
+        new = batch(name, **edit)
+        assert answer(capsys, "diff", old, new)[1].startswith(expected)
+    # a manifest of another text says nothing
+    program = new / "panel.src"
+    program.write_text(program.read_text() + "\n")
+    assert "tool 1 moved" not in answer(capsys, "diff", old, new)[1]
+
+
 def test_a_program_with_its_set_up_module_is_the_same_as_itself(made, capsys):
     program = made(setup="true", home=HOME) / "panel.src"
     assert answer(capsys, "diff", program, program) == (0, "same: 50 motions\n")
