@@ -242,3 +242,32 @@ def test_uncertainties_of_trackers_are_no_axes(header, normal, read_text):
 def test_unit_vectors_called_ux_are_axes(read_text):
     toolpath = read_text("X,Y,Z,Ux,Uy,Uz\n1,2,3,0,0.6,0.8\n", name="p.csv")
     np.testing.assert_allclose(toolpath.axes, [[0, 0.6, 0.8]])
+
+
+def test_sizes_of_holes_have_no_sign(tmp_path):
+    wrong = []
+    for role in ("depth", "clearance", "retract", "peck", "dwell", "diameter"):
+        path = tmp_path / f"{role}.csv"
+        path.write_text(
+            "x,y,z,i,j,k,depth\n1,2,3,0,0,1,-5\n"
+            if role == "depth"
+            else f"x,y,z,i,j,k,depth,{role}\n1,2,3,0,0,1,5,-2\n"
+        )
+        try:
+            read(path)
+            wrong.append(f"{role}: read")
+        except ReadError as error:
+            if "CSV030" not in str(error) or f"a {role} of -" not in str(error):
+                wrong.append(f"{role}: {error}")
+    assert not wrong
+
+
+def test_rows_in_front_of_the_first_depth_are_said_to_be_no_holes(tmp_path):
+    said = {}
+    for depths in ("--5-", "----"):
+        path = tmp_path / "holes.csv"
+        rows = (f"{i},0,0,0,0,1,{d.strip('-')}\n" for i, d in enumerate(depths))
+        path.write_text("x,y,z,i,j,k,depth\n" + "".join(rows))
+        told = " ".join(w.message for w in read(path).warnings if w.code == "CSV121")
+        said[depths] = [n for n in ("2 empty", "4 empty", "no hole", "1 empty") if n in told]
+    assert said == {"--5-": ["2 empty", "no hole", "1 empty"], "----": ["4 empty", "no hole"]}

@@ -15,6 +15,14 @@ DEFAULT_CLEARANCE = 2.0 * MM
 DEFAULT_RETRACT = 10.0 * MM
 """Height [m] above a hole where the tool ends, without a column for it."""
 _NONE = -1
+_SHOWN = 20
+"""Rows of one fault that are named."""
+_IN_MM = (1.0 / MM, "mm")
+_SHOWN_IN = {
+    "depth": _IN_MM, "clearance": _IN_MM, "retract": _IN_MM, "peck": _IN_MM, "diameter": _IN_MM,
+    "dwell": (1.0, "s"),
+}  # fmt: skip
+"""Factor and unit by which a message names what a hole has."""
 _MOTIONS = {
     "rapid": MotionKind.RAPID, "g0": MotionKind.RAPID, "g00": MotionKind.RAPID,
     "linear": MotionKind.LINEAR, "lin": MotionKind.LINEAR, "g1": MotionKind.LINEAR,
@@ -42,7 +50,7 @@ def motion_kinds(
     """Return kind (n,) and cycle (n,) of every row, and the table of cycles.
 
     Raises:
-        ReadError: CSV030 for a negative depth, CSV031 for an unknown motion, CSV032 for a hole
+        ReadError: CSV030 for a negative size, CSV031 for an unknown motion, CSV032 for a hole
             without a depth.
     """
     n = len(line)
@@ -57,7 +65,7 @@ def motion_kinds(
     if len(holes) == 0:
         return kind, cycle, ()
     depth = _depths(columns, holes, line, faults)
-    table, index = distinct_rows(_parameters(columns, holes, depth))
+    table, index = distinct_rows(_parameters(columns, holes, depth, line, faults))
     cycle[holes] = index
     return kind, cycle, tuple(_cycle(row) for row in table.tolist())
 
@@ -89,35 +97,40 @@ def _depths(columns: HoleColumns, holes: IndexArray, line: IntArray, faults: Fau
     if columns.depth is None or np.isnan(columns.depth[holes]).any():
         missing = holes if columns.depth is None else holes[np.isnan(columns.depth[holes])]
         raise faults.error("CSV032", "a hole without a depth", int(line[missing[0]]))
-    depth: FloatArray = columns.depth[holes]
-    for row in np.flatnonzero(depth < 0.0)[:20].tolist():
-        faults.fix(
-            "CSV030",
-            f"a depth of {depth[row] / MM:g} mm, expected how far below the point, above zero",
-            "its size is taken",
-            int(line[holes[row]]),
-        )
-    return np.asarray(np.abs(depth))
+    return columns.depth[holes]
 
 
-def _parameters(columns: HoleColumns, holes: IndexArray, depth: FloatArray) -> FloatArray:
-    def of(values: FloatArray | None, default: float) -> FloatArray:
+def _sizes(values: FloatArray, role: str, line: IntArray, faults: Faults) -> FloatArray:
+    """Return the sizes of what a hole has; one below zero says something else than it seems to."""
+    for row in np.flatnonzero(values < 0.0)[:_SHOWN].tolist():
+        text = f"a {role} of {values[row] * _SHOWN_IN[role][0]:g} {_SHOWN_IN[role][1]}"
+        expected = {"depth": "how far below the point, above zero"}.get(role, "one above zero")
+        faults.fix("CSV030", f"{text}, expected {expected}", "its size is taken", int(line[row]))
+    return np.asarray(np.abs(values))
+
+
+def _parameters(
+    columns: HoleColumns, holes: IndexArray, depth: FloatArray, line: IntArray, faults: Faults
+) -> FloatArray:
+    def of(role: str, default: float) -> FloatArray:
+        values: FloatArray | None = getattr(columns, role)
         if values is None:
             return np.full(len(holes), default)
-        return np.where(np.isnan(values[holes]), default, np.abs(values[holes]))
+        given = values[holes]
+        return np.where(np.isnan(given), default, _sizes(given, role, line[holes], faults))
 
-    clearance = of(columns.clearance, DEFAULT_CLEARANCE)
-    retract = of(columns.retract, DEFAULT_RETRACT)
+    clearance = of("clearance", DEFAULT_CLEARANCE)
+    retract = of("retract", DEFAULT_RETRACT)
     if columns.retract is None:
         retract = np.maximum(retract, clearance)
     return np.column_stack(
         [
-            depth,
+            _sizes(depth, "depth", line[holes], faults),
             clearance,
             retract,
-            of(columns.peck, 0.0),
-            of(columns.dwell, 0.0),
-            of(columns.diameter, -1.0),
+            of("peck", 0.0),
+            of("dwell", 0.0),
+            of("diameter", -1.0),
         ]
     )
 

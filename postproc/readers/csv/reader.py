@@ -171,17 +171,19 @@ def _last_given(before: str, text: str) -> str:
 def _filled(
     values: FloatArray, empty: IndexArray, role: str, line: IntArray, faults: Faults
 ) -> FloatArray:
-    if empty[0] == 0:
-        if role in POSITION:
-            raise faults.error("CSV005", f"{role} of the first row is empty", int(line[0]))
-        if len(empty) == len(values):
-            return values
+    if empty[0] == 0 and role in POSITION:
+        raise faults.error("CSV005", f"{role} of the first row is empty", int(line[0]))
+    leading = int(np.sum(empty == np.arange(len(empty))))
+    if leading < len(values) or role == "depth":
+        unknown = "no hole is drilled there" if role == "depth" else "nothing is known there"
+        told = ((empty[:leading], unknown), (empty[leading:], "taken from the row before"))
+        for rows, said in told:
+            if len(rows):
+                text = f"{len(rows)} empty fields of column {role}: {said}"
+                faults.warn("CSV121", text, int(line[rows[0]]))
     source = np.arange(len(values))
     source[empty] = 0
     source = np.maximum.accumulate(source)
-    faults.warn(
-        "CSV121", f"empty fields of column {role}: taken from the row before", int(line[empty[0]])
-    )
     filled: FloatArray = values[source]
     return filled
 

@@ -69,9 +69,11 @@ ROLES = (
          "bohrungsnr bohrungsnummer lochnr rivet bolt target "
          "point points hole punkt bohrung trou nom numero", is_text=True),
     Role("depth", "the point is a hole of this depth below it, along the tool axis",
-         "depth tiefe drilldepth boredepth drillingdepth bohrtiefe profondeur", "", LENGTH, MM),
+         "depth tiefe drilldepth boredepth drillingdepth bohrtiefe bohrungstiefe lochtiefe "
+         "profondeur", "", LENGTH, MM),
     Role("diameter", "of the hole; shown, not used for the motion",
-         "diameter dia diam d durchmesser bohrdurchmesser holediameter \u00f8 diametre", "",
+         "diameter dia diam d durchmesser bohrdurchmesser bohrungsdurchmesser lochdurchmesser "
+         "holediameter \u00f8 diametre", "",
          LENGTH, MM),
     Role("feed", "cutting feed, mm/min, or mm/rev beside a spindle speed",
          "feed feedrate f vf vorschub vorschubgeschwindigkeit avance vitesseavance vitessedavance "
