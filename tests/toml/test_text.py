@@ -1,5 +1,6 @@
 """Lines of keys in TOML text, against a second way of finding them."""
 
+import time
 import tomllib
 
 import pytest
@@ -7,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from postproc.errors import CellError
-from postproc.toml.text import load_toml
+from postproc.toml.text import load_toml, parse_toml
 
 TRICKY = """\
 # a = 1
@@ -128,3 +129,11 @@ def test_end_of_file_errors_name_the_last_line(tmp_path):
     with pytest.raises(CellError) as caught:
         written(tmp_path, 'a = 1\nb = """\nopen')
     assert caught.value.source.line == 3
+
+
+def test_a_long_text_is_read_in_time_that_grows_with_its_length():
+    raw = b'x = "' + b"a" * 1_000_000 + b'"\n'
+    before = time.process_time()
+    parsed = parse_toml(raw, "long.toml", CellError, "CEL001")
+    assert len(parsed.data["x"]) == 1_000_000
+    assert time.process_time() - before < 10.0, "the square of this length takes an hour"
