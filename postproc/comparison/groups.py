@@ -18,6 +18,8 @@ from postproc.geometry import rotation_angle
 from postproc.units import DEG
 
 _MM_MIN = 60_000.0
+_WRIST = 10.0
+"""A turn of the tool turns the joints of the wrist by so many times as much, 6 deg off singular."""
 _FLIP = 1.0 * DEG
 """A wrist whose A5 is nearer to 0 has no side."""
 
@@ -147,7 +149,8 @@ class _Review:
                 flips.append(name)
             elif not Shift.of(a, b, self.axis).is_moved(self.limits):
                 turn = float(rotation_angle(a.R[-1], b.R[-1])) / DEG
-                if turn > self.limits.angle_deg:
+                is_one = self.limits.angle_deg < by_joints <= _WRIST * self.limits.angle_deg
+                if turn > self.limits.angle_deg or is_one:
                     spins.append((turn, name, len(b.path) + len(b.joints)))
                 elif by_joints > self.limits.angle_deg:
                     turned.append((by_joints, name))
