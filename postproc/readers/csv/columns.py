@@ -167,7 +167,8 @@ def columns_of(layout: Layout, options: ReadOptions, faults: Faults) -> list[Col
             hint="name the columns in order with --columns, such as id,x,y,z,i,j,k",
         )
     bare = _bare_beside_units(columns) if options.units is None else ""
-    return [_in_company(column, columns, bare) for column in columns]
+    present = frozenset(column.role for column in columns)
+    return [_in_company(column, columns, present, bare) for column in columns]
 
 
 def _of_header(layout: Layout) -> list[Column]:
@@ -195,9 +196,11 @@ def _bare_beside_units(columns: list[Column]) -> str:
     return ""
 
 
-def _in_company(column: Column, columns: list[Column], stated: str) -> Column:
-    """Return a column with the question that the others raise."""
-    role, present = column.role, {other.role for other in columns}
+def _in_company(
+    column: Column, columns: list[Column], present: frozenset[str], stated: str
+) -> Column:
+    """Return a column with the question that the others raise; ``present``: their roles."""
+    role = column.role
     if column.question or not role:
         return column
     question = ""
