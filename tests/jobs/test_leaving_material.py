@@ -34,11 +34,11 @@ def test_a_joint_motion_behind_a_cut_begins_above_it(tmp_path, rest):
 
 
 @pytest.mark.parametrize("cell", [CELL, HOME], ids=["here", "home"])
-def test_a_file_that_ends_in_a_cut_is_left_with_the_feed(tmp_path, cell):
+def test_a_file_that_ends_in_a_cut_is_left_along_the_axis(tmp_path, cell):
     """As high as the file itself came from."""
     job = converted(tmp_path, HEAD + CUT + "FINI\n", cell=cell)
     first, *rest = behind_cut(job)
-    assert (first.word, first.speed) == ("LIN", 0.01)
+    assert (first.word, first.speed) == ("LIN", 1.0)  # in rapid, as every way out of a cut
     assert np.allclose(first.point, [60.0, 0.0, 80.0], atol=1e-3)
     assert ("PTP" in [step.word for step in rest]) is (cell is HOME)
 
