@@ -245,7 +245,7 @@ def _lead_out(checker: Checker, ends: Ends, row: int, chosen: Chosen) -> str:
 def _moves_to(problem: Problem, tag: int, order: int, q: FloatArray, kind: MoveKind) -> Moves:
     """Return rapid moves to joints (k, 6) one after the other."""
     k = len(q)
-    speed = problem.leaving_speeds[tag] if kind is MoveKind.LIN else np.nan
+    speed = problem.cell.motion.rapid_speed if kind is MoveKind.LIN else np.nan
     tags, numbers = np.full(k, tag), order + np.arange(k)
     external = problem.placement.external[tags]
     there = (_poses(problem, q, external), q, external)
@@ -418,8 +418,6 @@ def _detour_moves(
     tags = np.full(len(way.q), tag)
     external = problem.placement.external[tags]
     speed = np.where(way.is_line, problem.cell.motion.rapid_speed, np.nan)
-    if ends.lift[row]:
-        speed[0] = problem.leaving_speeds[ends.tag_from[row]]
     return moves(
         tags,
         np.arange(len(tags)),

@@ -19,7 +19,6 @@ from postproc.planning.states.stroke import Strokes, strokes_of
 from postproc.planning.states.tilt import UPRIGHT, cut_into, entered_anew
 from postproc.process import (
     back_off,
-    feeds_of,
     in_material,
     in_the_cut,
     least_feeds,
@@ -149,12 +148,6 @@ class Problem:
         if self.cell.motion.path_entry is PathEntry.NONE:
             ways[:1] = 0.0
         return ways
-
-    @cached_property
-    def leaving_speeds(self) -> FloatArray:
-        """(n,) speed [m/s] by which the tool backs off: the feed, but before the file's rapid."""
-        feed = feeds_of(self.toolpath, self.cell)
-        return np.where(self._is_led_out | np.isnan(feed), self.cell.motion.rapid_speed, feed)
 
     def tilt_of(self, tags: IndexArray, T_base_tcp: FloatArray) -> FloatArray | None:
         """Return the angle (m,) [rad] of the tool axis to the CAM data's; None: no tilt allowed."""
