@@ -106,5 +106,5 @@ def _clash(result: JobResult, program: str, first: str) -> JobResult:
     hint = "give one of them another name in a batch.toml"
     return replace(
         result, status="error", name="", files={}, errors=(f"{line}\n    hint: {hint}",),
-        cycle_time=0.0,
+        cycle_time=0.0, about={},
     )  # fmt: skip
