@@ -31,7 +31,7 @@ from postproc.gap.answers import (
 )
 from postproc.gap.data import Arm, Samples, make_samples
 from postproc.gap.effect import EFFECTS, Basis, Effect, Kind, Parameter, Setting, State, register
-from postproc.gap.fit import NormalEquations, block_of, pose_problem
+from postproc.gap.fit import pose_problem
 from postproc.gap.joint_stiffness import stiffness_of, stiffness_tables
 from postproc.gap.robot_model import RobotModel, act, columns, effect_of
 
@@ -46,7 +46,6 @@ __all__ = [
     "Kept",
     "Kind",
     "NextPose",
-    "NormalEquations",
     "Outlook",
     "Parameter",
     "Part",
@@ -58,7 +57,6 @@ __all__ = [
     "State",
     "act",
     "along",
-    "block_of",
     "calibrated_urdf",
     "certificate",
     "columns",

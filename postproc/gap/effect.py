@@ -12,7 +12,7 @@ is mistaken for, what absorbs it, what it says of the joint stiffness. No other 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import field
 from enum import StrEnum
 from typing import Any, ClassVar
@@ -26,15 +26,6 @@ from postproc.records import dataclass
 from postproc.registry import Registry
 from postproc.stiffness import Locate, StiffnessField
 
-CLASSES = {
-    "direction": ("approach",),
-    "qd": ("speed",),
-    "wrench": ("load",),
-    "past": ("load",),
-    "time": ("time",),
-    "temperature": ("temperature", "time"),
-}
-"""What of the rest each column makes, as classes of ``unexplained``."""
 Setting = Mapping[str, Any]
 Table = Mapping[str, Any]
 """An effect's table of a model file: its own keys, values in the unit that ends each key."""
@@ -61,8 +52,8 @@ class Parameter:
     """One number of an effect, SI units.
 
     ``typical``: what is usual in practice, the standard deviation of the prior around zero.
-    ``joint``: 1..6 where the number belongs to one joint, else 0. ``largest``: beyond it the
-    number is no longer physical for this cause.
+    ``joint``: 1..6 where the number belongs to one joint, else 0. ``family``: numbers of one family
+    are large or small together.
     """
 
     name: str
@@ -70,11 +61,7 @@ class Parameter:
     lower: float = -np.inf
     upper: float = np.inf
     joint: int = 0
-
-    @property
-    def largest(self) -> float:
-        """Return the size beyond which the cause is not believed."""
-        return 20.0 * self.typical
+    family: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,10 +113,12 @@ class Effect(ABC):
     """Only of campaigns with several stations or reflectors."""
     periodic: ClassVar[bool] = False
     """Waves of a joint's angle, whose joints and orders are sought in the rows."""
-    of_own_angle: ClassVar[bool] = False
-    """A smooth function of a joint's own angle: waves of the same joint look like it."""
     on_demand: ClassVar[bool] = False
     """It has so many numbers that it is tried only where what is left calls for it."""
+    may_be_several: ClassVar[bool] = False
+    """Several of its variants may be there at once, and are one effect with a joined setting."""
+    is_common: ClassVar[bool] = False
+    """Every arm has it, more or less."""
     is_rare: ClassVar[bool] = False
     """Seldom the cause, and like many others where the joints turn little: it is named only where
     common causes do not come near."""
@@ -138,15 +127,6 @@ class Effect(ABC):
     refines: ClassVar[tuple[str, ...]] = ()
     """Effects that it describes more closely: it comes after them, for alone it would have to be
     them too."""
-    absorbed_by: ClassVar[tuple[str, ...]] = ()
-    """Effects that take it in almost wholly on the rows they are fitted to, but not on others."""
-    mistaken_for: ClassVar[tuple[str, ...]] = ()
-    """Of an alternative: the effects that it is mistaken for."""
-    mistaken_for_pose: ClassVar[bool] = False
-    """Of an alternative: it is mistaken for every effect that follows the pose alone."""
-    prevails_from: ClassVar[float] = 0.35
-    """Of an alternative: its unique part against that of an effect which it is mistaken for, from
-    which that effect is not named."""
 
     @property
     def is_alternative(self) -> bool:
@@ -154,21 +134,9 @@ class Effect(ABC):
         return self.kind == Kind.ALTERNATIVE
 
     @property
-    def follows_pose_alone(self) -> bool:
-        """Whether it is of the machine and needs no column but the pose."""
-        return self.kind == Kind.MACHINE and not self.needs
-
-    @property
     def follows_motion(self) -> bool:
         """Whether it depends on how the joints move: from which side, how fast."""
         return not set(self.needs).isdisjoint(MOTION_COLUMNS)
-
-    @property
-    def classes(self) -> frozenset[str]:
-        """Classes of what is left that are its own: what its columns make, or a joint's angle."""
-        if self.of_own_angle or self.periodic:
-            return frozenset({"joint"})
-        return frozenset(kind for column in self.needs for kind in CLASSES.get(column, ()))
 
     @property
     def unknown_to_programs(self) -> tuple[str, ...]:
@@ -190,12 +158,6 @@ class Effect(ABC):
         """
         del theta
         return np.zeros(6)
-
-    def is_mistaken_for(self, other: Effect) -> bool:
-        """Return whether this alternative is mistaken for another effect."""
-        return other.name in self.mistaken_for or (
-            self.mistaken_for_pose and other.follows_pose_alone
-        )
 
     def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
         """Return the parameters in the order of the basis' last axis."""
@@ -223,6 +185,15 @@ class Effect(ABC):
         """
         return {self.name: setting}
 
+    def joined(self, settings: Sequence[Setting]) -> Setting:
+        """Return the setting of several variants together, their numbers one after the other."""
+        raise NotImplementedError(f"{self.name} is one variant at a time")
+
+    def correlation_root(self, setting: Setting) -> FloatArray | None:
+        """Return the root (p, p) of the prior's correlation, None where numbers are independent."""
+        del setting
+        return None
+
     def objection(self, theta: FloatArray, deviation: FloatArray, arm: Arm) -> str:
         """Return why fitted numbers (p,) are not physical for this cause, empty if they are.
 
@@ -247,17 +218,6 @@ class Effect(ABC):
     def ends(self, theta: FloatArray, width: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return both ends (p,) of the intervals of fitted numbers with half widths (p,)."""
         return theta - width, theta + width
-
-    def placebo(self, samples: Samples, rng: np.random.Generator) -> Samples:
-        """Return the same rows with the meaning of the needed columns destroyed.
-
-        By default the needed columns are shuffled among the rows; an effect of the pose alone
-        has nothing to shuffle but the pose itself.
-        """
-        order = rng.permutation(len(samples))
-        if not self.needs:
-            return samples.at(samples.q[order])
-        return samples.shuffled(self.needs, order)
 
     def is_fixed(self, setting: Setting) -> bool:
         """Return whether a setting, as a model file gave it, leaves nothing to fit."""

@@ -33,10 +33,7 @@ def test_names_are_known_without_importing_an_effect():
 def test_what_an_effect_declares_of_others_is_there():
     names = {effect.name for effect in ALL}
     for effect in ALL:
-        assert {*effect.refines, *effect.absorbed_by, *effect.mistaken_for} <= names - {effect.name}
-        mistaken = [other for other in ALL if effect.is_mistaken_for(other)]
-        assert bool(mistaken) == effect.is_alternative, effect.name
-        assert not any(other.is_alternative for other in mistaken)
+        assert {*effect.refines} <= names - {effect.name}
 
 
 def test_no_other_file_has_the_name_of_an_effect():

@@ -7,20 +7,13 @@ import pytest
 
 from postproc.gap.answers.diagnose import diagnose
 from postproc.gap.answers.shrinkage import NEW_POSES, shrink_interval
-from postproc.gap.choice.evidence import Evidence
-from postproc.gap.choice.fitting import Named
-from postproc.gap.choice.standing import Choice, Standing
-from postproc.gap.effect import EFFECTS
-from postproc.gap.fit.fit import Free, fit
-from postproc.gap.fit.intervals import deviations
-from postproc.gap.fit.linear import block_of
+from postproc.gap.fit.fit import Free
 from postproc.gap.fit.problem import pose_problem
-from postproc.gap.fit.regression import Regression
 from postproc.gap.fit.revisits import revisits
+from postproc.gap.posterior.final import Named, frames_of
 from postproc.measurement.file import read_measurements
 
 NOISE = 2e-5
-BACKLASH = dict(EFFECTS)["backlash"]
 
 
 @pytest.mark.parametrize("count", [40, 80, 400])
@@ -53,64 +46,27 @@ def test_one_cluster_has_no_interval():
 
 
 @pytest.mark.parametrize("registered", [False, True])
-@pytest.mark.parametrize("beside", [(), ("link_bending",)])
+@pytest.mark.parametrize("aside", [0.0, 3e-5])
 def test_rows_left_out_are_missed_as_by_a_fit_without_them(
-    registered, beside, world, tmp_path, kinematics, cell
+    registered, aside, world, tmp_path, kinematics, cell
 ):
     data, measured, *_ = world.make(72, {"joint_compliance": 2e-4}, n=120, noise=NOISE)
     path = tmp_path / "rows.csv"
     path.write_text(world.csv(data, measured))
     problem = pose_problem(read_measurements(path), kinematics, cell, None, registered)
     everything = np.ones(len(problem), dtype=bool)
-    regression = Regression(
-        problem.samples,
-        problem.gap,
-        np.full(len(problem), 1.0 / NOISE),
-        problem.split.fold,
-        problem.blocks(everything),
-        problem.always,
-    )
-    standing = {"joint_compliance": Standing.ADOPTED} | dict.fromkeys(beside, Standing.RESEMBLED)
-    choice = Choice(standing, dict.fromkeys(standing, Evidence(1.0, 1.0)), {}, {})
+    beside = aside * np.random.default_rng(1).normal(size=(len(problem), 3))
+    free = {"joint_compliance": Free({})} | frames_of(problem)
     label = (np.arange(len(problem)) % 6).astype(np.int32)
-    whole = Named.of(problem, regression, choice, NOISE, everything)
+    whole = Named.of(problem, free, NOISE, everything, beside)
     told = whole.missed(label)
     fitted = np.linalg.norm(problem.measured - whole.fit.point, axis=1)
     for k in range(6):
         here = label == k
-        again = Named.of(problem, regression, choice, NOISE, ~here).fit
+        again = Named.of(problem, free, NOISE, ~here, beside).fit
         missed = np.linalg.norm(problem.measured - again.point, axis=1)
         error, change = (np.max(np.abs(v - missed)[here]) for v in (told, fitted))
         assert error < 0.05 * change
-
-
-def test_the_jackknife_of_a_mean_is_its_standard_error(samples):
-    """With one number for each joint and rows in folds of one, the closed form of a mean holds."""
-    block = block_of(BACKLASH, samples, {})
-    y = np.random.default_rng(2).normal(0.0, NOISE, (len(samples), 3))
-    fold = (np.arange(len(samples)) % 12).astype(np.int32)
-    weight = np.full(len(samples), 1.0 / NOISE)
-    regression = Regression(samples, y, weight, fold, (block,), ())
-    result = fit(samples, samples.point + y, weight, {}, {"backlash": Free({})})
-    found = deviations(regression, result, ("backlash",), ())["backlash"]
-    own = result.deviation("backlash")
-    assert np.all(found >= own)
-    assert np.median(found / own) < 1.6
-
-
-def test_an_effect_that_is_not_named_widens_the_interval(samples):
-    named, beside = (block_of(dict(EFFECTS)[n], samples, {}) for n in ("joint_offset", "backlash"))
-    rng = np.random.default_rng(3)
-    y = beside.X @ (3.0 * np.ones(6)) + rng.normal(0.0, NOISE, (len(samples), 3))
-    weight = np.full(len(samples), 1.0 / NOISE)
-    fold = (np.arange(len(samples)) % 6).astype(np.int32)
-    regression = Regression(samples, y, weight, fold, (named, beside), ())
-    result = fit(samples, samples.point + y, weight, {}, {"joint_offset": Free({})})
-    alone = deviations(regression, result, ("joint_offset",), ())["joint_offset"]
-    with_it = deviations(regression, result, ("joint_offset",), ("backlash",))["joint_offset"]
-    numbers = result.theta
-    assert np.all(with_it >= alone)
-    assert np.max(np.abs(numbers) / with_it) < 3.0
 
 
 @pytest.fixture

@@ -100,14 +100,6 @@ class Greedy(Frame):
         return super().basis(samples, setting)
 
 
-class Constant(Frame):
-    """What it does is the same for any order of the rows: nothing tells it from chance."""
-
-    def basis(self, samples, setting):
-        wave = np.linspace(-1.0, 1.0, len(samples))[:, None, None]
-        return Basis(point=wave * np.ones((1, 3, 6)))
-
-
 class Forgetful(Frame):
     def read(self, model, arm):
         return State(1.01 * super().read(model, arm).theta)
@@ -132,7 +124,6 @@ BROKEN = [
     ("off the exact derivative", Bent),
     ("does not miss its column qd", Needless),
     ("it needs the columns temp_C without saying so", Greedy),
-    ("placebo explains", Constant),
     ("a model file changes it", Forgetful),
     ("a registration with it moves a point", Aside),
 ]

@@ -10,17 +10,16 @@ import numpy as np
 
 from postproc.cell import Tool
 from postproc.gap.answers.along import Along, program
-from postproc.gap.answers.designs import designs, transfers
 from postproc.gap.answers.diagnose import Diagnosis
 from postproc.gap.answers.kept import Kept
 from postproc.gap.answers.next_pose import NextPose
 from postproc.gap.answers.orientation import orientation
 from postproc.gap.answers.shrinkage import rms
 from postproc.gap.answers.where import where
-from postproc.gap.choice import is_overshadowed, is_undecided
 from postproc.gap.data import Samples
 from postproc.gap.effect import State
 from postproc.gap.fit import moved_by
+from postproc.gap.posterior import designs
 from postproc.gap.robot_model import effect_of
 from postproc.model import ModelFile
 from postproc.units import MM
@@ -33,9 +32,7 @@ it cannot be excluded better than blind campaigns with unlisted causes show."""
 DOUBTED = 0.9
 """The same of a cause beside which something may be left unexplained."""
 EVEN = 0.5
-"""The same of a cause that another would stand for as well, or a class better, of a rare one beside
-an unexplained rest, and of one beside which more is left of its own class than its formula excuses,
-or more than only the cause explains: it is as likely as not."""
+"""The same of a cause that another, or a class, would stand for about as well."""
 
 
 def document(
@@ -98,6 +95,7 @@ def document(
         "registration": _registration(diagnosis),
         "orientation": orientation(diagnosis),
         "remarks": [remark.entry() for remark in problem.measurements.remarks],
+        "suspects": [ids[i] for i in np.flatnonzero(diagnosis.suspects)],
         "outliers": [ids[i] for i in np.flatnonzero(diagnosis.outlier)],
         "not_testable": [
             {"name": name, "needs": list(needs)} for name, needs in problem.not_testable.items()
@@ -221,8 +219,7 @@ def _adopted(diagnosis: Diagnosis, name: str) -> dict[str, Any]:
     state = _seen_state(diagnosis, name)
     width = _Z90 * diagnosis.deviation[name]
     low, high = effect.ends(state.theta, width)
-    choice, regression = diagnosis.choice, diagnosis.regression
-    evidence = choice.evidence[next(k for k in choice.adopted if regression.name(k) == name)]
+    own = diagnosis.name(name)
     return {
         "name": name,
         "title": effect.title,
@@ -237,9 +234,8 @@ def _adopted(diagnosis: Diagnosis, name: str) -> dict[str, Any]:
             "low": plain(effect.write(State(low, state.setting), arm)),
             "high": plain(effect.write(State(high, state.setting), arm)),
         },
-        "confounded_with": list(evidence.confounded),
-        "rival": evidence.rival or None,
-        "wins": round(evidence.wins, 3),
+        "confounded_with": list(own.confounded),
+        "rival": own.rival or None,
         "action": effect.action,
     }
 
@@ -248,16 +244,13 @@ def _elsewhere(diagnosis: Diagnosis) -> dict[str, list[dict[str, Any]]]:
     """Return for each adopted effect what it brings on designs that it was not fitted to."""
     problem = diagnosis.problem
     label = designs(problem.samples, problem.measurements.group)
-    searched = np.flatnonzero(problem.searchable)
-    keys = (*diagnosis.choice.adopted, *diagnosis.choice.resembled)
-    found = transfers(diagnosis.regression, label.rows(searched), keys)
     return {
-        diagnosis.regression.name(key): [
-            {"design": name, "rows": int(np.sum(label.label == k)), "gain_nats": round(by[name], 1)}
-            for k, name in enumerate(label.names)
-            if name in by
+        name: [
+            {"design": word, "rows": int(np.sum(label.label == k)), "gain_nats": round(by[word], 1)}
+            for k, word in enumerate(label.names)
+            if word in by
         ]
-        for key, by in found.items()
+        for name, by in diagnosis.judged.elsewhere.items()
     }
 
 
@@ -274,29 +267,21 @@ def _candidate(diagnosis: Diagnosis, name: str, before: float, after: float) -> 
         "shrinkage": round(1.0 - after / before, 4) if known else None,
         "shrinkage_ci": None,
         "parameters": {},
-        "confounded_with": sorted(
-            diagnosis.regression.name(k)
-            for k in diagnosis.choice.adopted
-            if name in diagnosis.choice.evidence[k].confounded
-        ),
-        "reason": diagnosis.choice.reasons.get(name, "the rows do not call for it"),
+        "confounded_with": sorted(n.name for n in diagnosis.judged.adopted if name in n.confounded),
+        "reason": diagnosis.judged.reasons.get(name, "the rows do not call for it"),
     }
 
 
 def _probability(diagnosis: Diagnosis, name: str) -> float:
-    value = diagnosis.choice.probability.get(name, 0.0)
+    """Return the probability of a name: of its sets, and no surer than the gates let it be."""
     if name not in diagnosis.adopted:
+        value = diagnosis.judged.inclusion.get(name, 0.0)
         return round(min(max(value, 0.0), 0.49), 4)
-    key = next(k for k in diagnosis.choice.adopted if diagnosis.regression.name(k) == name)
-    choice, rest = diagnosis.choice, diagnosis.unexplained
-    effect, sure = effect_of(name), diagnosis.verdict == "explained"
-    is_even = (
-        (effect.is_rare and not sure)
-        or is_undecided(diagnosis.regression, choice, key)
-        or is_overshadowed(choice, key, effect, rest, diagnosis.noise)
-    )
-    most = EVEN if is_even else SUREST if sure else DOUBTED
-    return round(min(max(value, 0.0), most), 4)
+    own = diagnosis.name(name)
+    most = SUREST if diagnosis.verdict == "explained" else DOUBTED
+    if own.confounded or own.rival or own.is_half:
+        most = EVEN
+    return round(min(max(own.probability, 0.0), most), 4)
 
 
 def _total_shrinkage(diagnosis: Diagnosis) -> dict[str, Any]:
@@ -308,6 +293,7 @@ def _total_shrinkage(diagnosis: Diagnosis) -> dict[str, Any]:
         "value": round(1.0 - after / max(before, 1e-12), 4),
         "ci": [round(low, 4), round(high, 4)],
         "sealed_mm": sealed,
+        "with_outliers_mm": [_mm(v) for v in diagnosis.with_faults],
     }
 
 

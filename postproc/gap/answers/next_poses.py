@@ -21,7 +21,7 @@ from postproc.gap.answers.diagnose import Diagnosis
 from postproc.gap.answers.next_pose import APPROACH, NextPose, Reach
 from postproc.gap.data import Samples, make_samples
 from postproc.gap.effect import EFFECTS
-from postproc.gap.fit import Block, NormalEquations, block_of
+from postproc.gap.posterior import of_effect, optimum
 from postproc.gap.robot_model import effect_of, evaluate
 from postproc.geometry import apply
 from postproc.measurement import rigid_motion
@@ -31,8 +31,6 @@ from postproc.units import DEG
 ENOUGH = 8.0
 """Separation [sigma] at which no further pose is added: the wrong effect is then rejected in all
 but one of thousands of campaigns."""
-_NEAR = 20.0
-"""Nats that a rival may lack to stand for itself: the prior of rows to come makes up for few."""
 _DRAWN, _CANDIDATES = 16000, 1500
 _FEWEST, _MOST = 6, 30
 _LOADS = 6
@@ -83,41 +81,31 @@ class Question:
 
 def questions(diagnosis: Diagnosis) -> tuple[Question, ...]:
     """Return the ambiguous sets of a diagnosis, each once."""
-    regression, choice = diagnosis.regression, diagnosis.choice
-    name = {b.key: b.name for b in regression.blocks}
-    keys: dict[str, str] = {}
-    for block in regression.blocks:
-        keys.setdefault(block.name, block.key)
-    equations = regression.normal_equations()
-    chosen = (*regression.always, *choice.adopted, *choice.resembled)
+    of, search = diagnosis.judged.posterior, diagnosis.judged.posterior.search
+    has_effect = {k for k, c in search.equations.by_key.items() if c.effect is not None}
+    whole = tuple(k for k in diagnosis.judged.whole.keys if k in has_effect)
     found: list[Question] = []
     asked: list[set[str]] = []
-    for key in (*choice.adopted, *choice.resembled):
-        confounded = [
-            keys[t] for t in choice.evidence[key].confounded if t in keys and keys[t] not in chosen
-        ]
-        names = {name[key], *(name[t] for t in confounded)}
-        if confounded and names not in asked:
-            asked.append(names)
-            rest = tuple(k for k in chosen if k != key)
-            found.append(_question(equations, rest, key, tuple(confounded), name))
+    for name in diagnosis.judged.adopted:
+        names = {name.name, *name.confounded}
+        if not name.confounded or names in asked:
+            continue
+        asked.append(names)
+        rest = tuple(k for k in whole if k not in name.keys)
+        rivals = {}
+        for rival in name.confounded:
+            with_it = [
+                s
+                for s in search.found
+                if any(of.candidate(k).name == rival for k in s)
+                and all(of.candidate(k).name != name.name for k in s)
+            ]
+            best = max(with_it, key=lambda s: (search.score(s), s))
+            own = tuple(k for k in best if of.candidate(k).name == rival)
+            rivals[rival] = (*rest, *(k for k in own if k not in rest))
+        words = (name.name, *rivals)
+        found.append(Question((whole, *rivals.values()), words, words))
     return tuple(found)
-
-
-def _question(
-    equations: NormalEquations,
-    rest: tuple[str, ...],
-    key: str,
-    confounded: tuple[str, ...],
-    name: dict[str, str],
-) -> Question:
-    """Return a question: each rival alone where it does about as well, else all at once."""
-    best = equations.evidence((*rest, key))
-    alone = tuple(t for t in confounded if best - equations.evidence((*rest, t)) < _NEAR)
-    rivals = [(*rest, t) for t in alone] or [(*rest, *confounded)]
-    names = tuple(name[t] for t in alone) or (" with ".join(name[t] for t in confounded),)
-    effects = tuple(name[k] for k in (key, *(alone or confounded)))
-    return Question(((*rest, key), *rivals), (name[key], *names), effects)
 
 
 @dataclass(slots=True)
@@ -174,22 +162,31 @@ def discriminating(diagnosis: Diagnosis, question: Question, reach: Reach) -> li
 
 
 def _comparisons(diagnosis: Diagnosis, question: Question, pool: Samples) -> list[_Comparison]:
-    regression, noise = diagnosis.regression, diagnosis.noise
-    equations = regression.normal_equations()
-    blocks = {b.key: b for b in regression.blocks}
+    of = diagnosis.judged.posterior
+    equations, noise = of.search.equations, diagnosis.noise
     actual = evaluate(pool, diagnosis.problem.given)[1]
-    far = {k: _block_at(blocks[k], actual) / noise for model in question.models for k in model}
+    always = of.search.always
+
+    def far(key: str) -> FloatArray:
+        c = of.candidate(key)
+        effect, setting = effect_of(c.name), c.setting or {}
+        return np.asarray(of_effect(effect, actual, setting, key, key in always).X / noise)
+
+    columns = {k: far(k) for model in question.models for k in model}
+    fits = [
+        optimum(equations, model, of.prior, diagnosis.judged.whole) for model in question.models
+    ]
     comparisons = []
-    for one, name in zip(question.models, question.names, strict=True):
-        theta = equations.solve(one)[0]
-        truth = np.concatenate([far[k] for k in one], axis=2) @ theta
-        for two in question.models:
-            if two == one:
+    for one, name in zip(fits, question.names, strict=True):
+        truth = np.concatenate([columns[k] for k in one.keys], axis=2) @ one.theta
+        i = equations.among(one.keys)[0]
+        for two in fits:
+            if two is one:
                 continue
-            i = equations.index(two)
-            H = equations.G[np.ix_(i, i)] + np.eye(len(i))
-            seen = equations.G[np.ix_(i, equations.index(one))] @ theta
-            X = np.concatenate([far[k] for k in two], axis=2)
+            j, G, _ = equations.among(two.keys)
+            H = G / noise**2 + np.diag(two.deviation**-2)
+            seen = equations.A[:, j].T @ (equations.A[:, i] @ one.theta) / noise**2
+            X = np.concatenate([columns[k] for k in two.keys], axis=2)
             comparisons.append(_Comparison(name, truth, X, H, seen))
     return comparisons
 
@@ -307,14 +304,6 @@ def _as_it_is(rows: Samples) -> Samples:
     if rows.temperature is None:
         return rows
     return replace(rows, temperature=np.full(len(rows), rows.temperature[-1]))
-
-
-def _block_at(block: Block, pool: Samples) -> FloatArray:
-    effect = block.effect
-    ratio = block.typical / np.array(
-        [p.typical for p in effect.parameters(pool.arm, block.setting)]
-    )
-    return np.asarray(block_of(effect, pool, block.setting).X * ratio)
 
 
 def candidates(diagnosis: Diagnosis, names: tuple[str, ...], reach: Reach) -> Samples:

@@ -18,20 +18,10 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
-from postproc.gap.choice import (
-    CONFOUNDED,
-    DECISIVE,
-    FOLDS_WON,
-    SURE,
-    TEMPERATURE,
-    Group,
-    groups_of,
-    price_of,
-    smallest_of,
-)
 from postproc.gap.data import Samples, split
 from postproc.gap.effect import Effect, Kind, Setting, registration_effects
 from postproc.gap.fit import WIDE, Block, block_of, testable
+from postproc.gap.posterior import CLOSE, DECISIVE, ODDS, SMALLEST, Group, groups_of, odds_of
 from postproc.gap.robot_model import effect_of
 from postproc.records import dataclass
 from postproc.units import MM
@@ -51,6 +41,8 @@ _NEAREST = 8
 _NOTHING = 1e-15
 _SMALLEST = 1e-7
 _SEED = 23
+_WON = 0.7
+"""Share of the places that a name must make better."""
 _CLASS_SIZE = 3.0
 """Size of the prior of a class, in noise."""
 
@@ -147,7 +139,7 @@ def outlook(samples: Samples, sigma: float) -> Outlook:
         for pair in itertools.combinations(whole, 2)
     ]
     classes: dict[str, list[Told]] = {}
-    for group in groups_of(samples, ()):
+    for group in groups_of(samples):
         classes.setdefault(group.kind, []).append(_class_told(group, bench))
     return Outlook(
         sigma,
@@ -333,7 +325,7 @@ class _Rivals:
 
         The nearest are those that explain most of the gaps.
         """
-        effect, price = truth.block.effect, price_of(truth.block)
+        effect, price = truth.block.effect, -odds_of(truth.block.effect, truth.block.setting)
         signal, noise = draws.signal @ self.P, draws.noise @ self.P
         found = []
 
@@ -344,7 +336,9 @@ class _Rivals:
             other = _Quadratic.of(signal[:, at], noise[:, at], 0.5 * inverse)
             ahead = own.c - other.c
             ahead[0] -= 0.5 * float(np.linalg.slogdet(inverse)[1]) + price
-            ahead[0] += sum(price_of(block) for block in blocks) - _margin(effect, blocks)
+            ahead[0] += sum(-odds_of(block.effect, block.setting) for block in blocks) - (
+                0.0 if len(blocks) == 1 else -DECISIVE
+            )
             found.append(ahead)
             return float(np.mean(other.c[2]))
 
@@ -354,14 +348,6 @@ class _Rivals:
             if names[a] != names[b]:
                 tried(a, b)
         return _Quadratic(np.stack(found, axis=1))
-
-
-def _margin(effect: Effect, blocks: Sequence[Block]) -> float:
-    """Return the nats by which an effect must lead others in its place: the fewest are named."""
-    mistaken = any(b.effect.is_mistaken_for(effect) for b in blocks)
-    if mistaken and all(b.is_alternative for b in blocks):
-        return DECISIVE
-    return 0.0 if len(blocks) == 1 else -DECISIVE
 
 
 def _named(truths: Sequence[_Seen], rivals: _Rivals, bench: _Bench) -> Told:
@@ -387,16 +373,16 @@ def _rule(
     truth: _Seen, draws: _Draws, rivals: _Rivals, bench: _Bench
 ) -> Callable[[float], BoolArray]:
     """Return what says for a size which draws (d,) of a cause are named."""
-    effect, price = truth.block.effect, price_of(truth.block)
+    price = -odds_of(truth.block.effect, truth.block.setting)
     own, unique = truth.evidence(draws), truth.unique(draws)
     divisions = [truth.helps(draws, bench, parts) for parts in bench.parts]
     beside = rivals.behind(truth, own, draws)
 
     def is_told(size: float) -> BoolArray:
-        told = own.at(size) >= TEMPERATURE + price
-        told &= unique.at(size) >= smallest_of(effect) ** 2
+        told = own.at(size) >= DECISIVE + price
+        told &= unique.at(size) >= SMALLEST**2
         for gains in ([gain.at(size) for gain in division] for division in divisions):
-            told &= np.mean(np.array(gains) > 0.0, axis=0) >= FOLDS_WON
+            told &= np.mean(np.array(gains) > 0.0, axis=0) >= _WON
             told &= np.sum(gains, axis=0) > 0.0
         return np.asarray(told & np.all(beside.at(size) > 0.0, axis=0))
 
@@ -407,13 +393,13 @@ def _told_from(true: _Seen, rival: _Seen, bench: _Bench) -> Told:
     """Return the size from which an effect is told from another that may stand for it."""
     draws = true.draws(_DRAWS, bench)
     ahead = _Quadratic(true.evidence(draws).c - rival.evidence(draws).c)
-    smallest = _smallest(lambda size: np.asarray(ahead.at(size) >= CONFOUNDED))
+    smallest = _smallest(lambda size: np.asarray(ahead.at(size) >= CLOSE))
     return Told(true.block.name, smallest, float(np.median(draws.usual)), rival.block.name)
 
 
 def _class_told(group: Group, bench: _Bench) -> Told:
     X = group.X.reshape(3 * bench.rows, -1) * _CLASS_SIZE
-    return Told(group.kind, _called(X, bench, SURE + group.price), float("nan"))
+    return Told(group.kind, _called(X, bench, DECISIVE - ODDS["class"] + group.price), float("nan"))
 
 
 def _called(X: FloatArray, bench: _Bench, least: float) -> float:

@@ -8,15 +8,15 @@ places, tells far less surely than all how large a gap is that differs from plac
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
-from postproc.gap.choice import Choice, Named, Standing
-from postproc.gap.fit import Fit, Problem, Regression
+from postproc.gap.fit import Problem
+from postproc.gap.posterior import Judged, Name, Named, frames_of, names_free, thinned
 from postproc.records import dataclass
 
-LARGEST_FIT = 4000
-"""Rows that the numbers of the model file are fitted to; more make them no surer."""
 NEW_POSES = 60
 """New poses that the interval of a shrinkage is told for: a campaign."""
 _DRAWS = 400
@@ -42,52 +42,58 @@ class Apart:
 
     steps: the adopted effects, most helpful first; total: 3D rms [m] before and after all of them,
     and the 90 % interval of the shrinkage; sealed: the same two of the sealed rows, by fits without
-    any of them, NaN without such; fit: of all rows; baseline: (n, 3) points without effects [m];
-    held: (k, 2) by how much each row that counts is missed, before and after [m].
+    any of them, NaN without such; last: fit of all rows; baseline: (n, 3) points
+    without effects [m]; held: (k, 2) by how much each row that counts is missed, before and after.
     """
 
     steps: tuple[Step, ...]
     total: tuple[float, float, float, float]
     sealed: tuple[float, float]
-    fit: Fit
+    last: Named
     baseline: FloatArray
     held: FloatArray
 
     @classmethod
-    def of(
-        cls,
-        problem: Problem,
-        regression: Regression,
-        choice: Choice,
-        sigma: float,
-        kept: BoolArray,
-    ) -> Apart:
+    def best(cls, judged: Judged, sides: Sequence[FloatArray], kept: BoolArray) -> Apart:
+        """Return that which misses rows left out least, of several that may stand beside names.
+
+        What has no name cannot go into a model file: where names take it in, that may say more of
+        other poses than names without it.
+
+        Args:
+            judged: the names.
+            sides: of each (n, 3) what stands beside them in the readings [m].
+            kept: (n,) rows that are no measuring faults.
+        """
+        found = [cls.of(judged, sides[0], kept)]
+        for other in sides[1:]:
+            if judged.adopted and not np.array_equal(other, sides[0]):
+                found.append(cls.of(judged, other, kept))
+        return min(found, key=lambda apart: apart.total[1])
+
+    @classmethod
+    def of(cls, judged: Judged, beside: FloatArray, kept: BoolArray) -> Apart:
         """Add the adopted effects one by one, and compare.
 
         Each step adds the effect that removes most of what is left on fitted rows, and says how
         far the whole gap shrinks by that; the steps multiply to the whole shrinkage.
 
         Args:
-            problem: all rows (n,).
-            regression: rows of the search and blocks.
-            choice: what stands.
-            sigma: scatter of the rows per axis [m].
+            judged: the names.
+            beside: (n, 3) what stands beside them in the readings [m].
             kept: (n,) rows that are no measuring faults.
         """
+        problem = judged.posterior.problem
         parts = _Parts.of(problem, kept)
-        order = _ordered(regression, choice)
-        rows = _thinned(kept)
-
-        def only(count: int) -> Named:
-            gone = (*order[count:], *(() if count else choice.resembled))
-            part = choice.moved(gone, Standing.REJECTED, {})
-            return Named.of(problem, regression, part, sigma, rows)
-
-        fits = [only(count) for count in range(len(order) + 1)]
+        order, rows, sigma = _ordered(judged), thinned(kept), judged.whole.sigma
+        fits = [Named.of(problem, frames_of(problem), sigma, rows, 0.0 * beside)]
+        for count in range(1, len(order) + 1):
+            free = names_free(judged, order[:count])
+            fits.append(Named.of(problem, free, sigma, rows, beside))
         left = [parts.left(fit) for fit in fits]
         steps = tuple(
-            Step(regression.name(key), *parts.shrinkage(before, after))
-            for key, before, after in zip(order, left, left[1:], strict=False)
+            Step(name.name, *parts.shrinkage(before, after))
+            for name, before, after in zip(order, left, left[1:], strict=False)
         )
         low, high = parts.shrinkage(left[0], left[-1])[2]
         first, last = fits[0], fits[-1]
@@ -95,7 +101,7 @@ class Apart:
             steps,
             (rms(left[0]), rms(left[-1]), low, high),
             (parts.sealed(first), parts.sealed(last)),
-            last.fit,
+            last,
             first.fit.point,
             np.stack([left[0], left[-1]], axis=1),
         )
@@ -142,26 +148,17 @@ class _Parts:
         return rms(before), rms(after), shrink_interval(before, after, clusters, stretches)
 
 
-def _thinned(rows: BoolArray) -> BoolArray:
-    index = np.flatnonzero(rows)
-    kept = index[:: -(-len(index) // LARGEST_FIT)]
-    out = np.zeros(len(rows), dtype=bool)
-    out[kept] = True
-    return out
-
-
-def _ordered(regression: Regression, choice: Choice) -> list[str]:
-    """Return the adopted blocks, most helpful next on the rows that are fitted."""
-    equations = regression.equations_at(np.arange(len(regression.y)))
-    order: list[str] = []
-    waiting = sorted(choice.adopted)
-    while len(waiting) > 1:
-        coming = {regression.name(key) for key in waiting}
-        free = [k for k in waiting if coming.isdisjoint(regression.block(k).effect.refines)]
-        best = min(free, key=lambda k: (equations.left((*regression.always, *order, k)), k))
+def _ordered(judged: Judged) -> list[Name]:
+    """Return the adopted names, most helpful next on the rows that are searched."""
+    order: list[Name] = []
+    waiting = list(judged.adopted)
+    while waiting:
+        coming = {name.name for name in waiting}
+        free = [n for n in waiting if coming.isdisjoint(n.effect.refines)] or waiting
+        best = min(free, key=lambda n: (judged.left([*order, n]), n.name))
         order.append(best)
         waiting.remove(best)
-    return [*order, *waiting]
+    return order
 
 
 def shrink_interval(

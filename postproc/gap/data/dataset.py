@@ -171,14 +171,6 @@ class Samples:
         extra = {name: np.asarray(values)[index] for name, values in self.extra.items()}
         return replace(self, **picked, extra=extra)
 
-    def shuffled(self, names: tuple[str, ...], order: Rows) -> Samples:
-        """Return the rows with some columns in another order."""
-        mixed: dict[str, Any] = {
-            name: None if getattr(self, name) is None else getattr(self, name)[order]
-            for name in names
-        }
-        return replace(self, **mixed)
-
     def load_torque(self) -> FloatArray:
         """Return (n, 6) the torque of the outside wrench on each joint [N*m].
 

@@ -63,7 +63,7 @@ def split(samples: Samples, group: tuple[str, ...] | None) -> Split:
         fold = np.zeros(n, dtype=np.int32)
         for k in range(int(unit.max()) + 1):
             here = np.flatnonzero(unit == k)
-            fold[here] = _clusters(features[here], min(FOLDS, max(2, len(here) // 12)), rng)
+            fold[here] = _clusters(features[here], min(FOLDS, max(2, len(here) // 6)), rng)
     rank, size = _course(samples, unit)
     stretch = (rank * min(STRETCHES, max(2, n // 12)) // size).astype(np.int32)
     sealed = np.zeros(n, dtype=bool)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from typing import Any
 
@@ -14,12 +13,14 @@ from postproc.gap.effect import Basis, Effect, Parameter, Setting, State, regist
 from postproc.model import ModelFile, entry
 from postproc.units import DEG
 
-_STEPS = (4, 8, 12, 20)
-"""Distances of the angles of a table [deg]; those of the wrist are the next coarser ones."""
+LENGTH = 6.0
+"""Angle [deg] over which an error changes: ripple of the gears of two real arms (UR5, UR10)."""
+STEP = 3.0
+"""Distance of the angles of a table [deg]: half that length."""
+TYPICAL = 5e-5
+"""Usual error [rad]."""
 _LEFT_OUT = (0, 1)
 """Periods per turn that a fit leaves to other effects."""
-_ROWS_EACH = 4
-"""Rows for each angle of a table."""
 
 
 @register
@@ -37,32 +38,55 @@ class AngleError(Effect):
     source = "dq = f(q) of each joint, piecewise linear"
     action = "compensate with model.toml; have gear and encoder of the named joints looked at"
     conditions = ("joint angle",)
-    is_rare = True
     on_demand = True
+    may_be_several = True
 
     def prepare(self, samples: Samples) -> Setting:
-        """Return the steps (6,) [deg] and the angles that rows lie next to, a joint and a number.
+        """Return the steps (6,) [deg], and joint and number of each angle that rows lie next to."""
+        knots = [(joint, int(k)) for joint in range(6) for k in _seen(samples.q, joint)]
+        return {
+            "step_deg": [STEP] * 6,
+            "joint": [j + 1 for j, _ in knots],
+            "knot": [k for _, k in knots],
+            "left_out": _LEFT_OUT,
+        }
 
-        The tables are coarser where rows are few.
-        """
-        most = max(len(samples) // _ROWS_EACH, 1)
-        found: Setting = {}
-        for fine, coarse in itertools.pairwise(_STEPS):
-            step = [fine] * 3 + [coarse] * 3
-            knots = [
-                (joint, int(k)) for joint in range(6) for k in _seen(samples.q, joint, step[joint])
-            ]
-            found = {"step_deg": step, "joint": [j + 1 for j, _ in knots]}
-            found = {**found, "knot": [k for _, k in knots], "left_out": _LEFT_OUT}
-            if len(knots) <= most:
-                break
-        return found
+    def variants(self, setting: Setting) -> dict[str, Setting]:
+        """Return the table of each joint."""
+        joint, knot = np.asarray(setting["joint"]), np.asarray(setting["knot"])
+        return {
+            f"{self.name}:{j}": {
+                **setting,
+                "joint": joint[joint == j].tolist(),
+                "knot": knot[joint == j].tolist(),
+            }
+            for j in np.unique(joint).tolist()
+        }
+
+    def joined(self, settings: Sequence[Setting]) -> Setting:
+        """Return the tables of several joints."""
+        both = {key: [v for s in settings for v in s[key]] for key in ("joint", "knot")}
+        return {**settings[0], **both}
+
+    def correlation_root(self, setting: Setting) -> FloatArray:
+        """Return the root of a Matern 3/2 correlation over the angles of each joint."""
+        joint, knot = np.asarray(setting["joint"]), np.asarray(setting["knot"])
+        step = np.asarray(setting["step_deg"])[joint - 1]
+        apart = np.abs(knot[:, None] - knot) * step[:, None]
+        apart = np.minimum(apart, 360.0 - apart) * (np.sqrt(3.0) / LENGTH)
+        same = joint[:, None] == joint
+        K = np.where(same, (1.0 + apart) * np.exp(-apart), 0.0)
+        return np.asarray(np.linalg.cholesky(K + 1e-6 * np.eye(len(K))))
 
     def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
         """Return the error [rad] at each angle."""
         del arm
         return tuple(
-            Parameter(f"joint_{joint}_at_{knot * setting['step_deg'][joint - 1]:g}", 1.5e-4)
+            Parameter(
+                f"joint_{joint}_at_{knot * setting['step_deg'][joint - 1]:g}",
+                TYPICAL,
+                family=f"joint_{joint}",
+            )
             for joint, knot in zip(setting["joint"], setting["knot"], strict=True)
         )
 
@@ -122,7 +146,7 @@ def _without(columns: FloatArray, angle: FloatArray, periods: Sequence[int]) -> 
     return np.asarray(columns - (columns @ low) @ low.T)
 
 
-def _seen(q: FloatArray, joint: int, step: float) -> IntArray:
+def _seen(q: FloatArray, joint: int) -> IntArray:
     """Return the numbers of the angles on the circle that rows lie within a step of."""
-    below = np.floor(q[:, joint] / DEG / step).astype(np.int32)
-    return np.unique(np.concatenate([below, below + 1]) % round(360.0 / step))
+    below = np.floor(q[:, joint] / DEG / STEP).astype(np.int32)
+    return np.unique(np.concatenate([below, below + 1]) % round(360.0 / STEP))

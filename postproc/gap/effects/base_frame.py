@@ -27,7 +27,7 @@ class BaseFrame(Effect):
     layout = (("xyz_mm", 3), ("rotation_deg", 3))
     parameter_list = (
         *(Parameter(f"shift_{axis}", 5e-4) for axis in "xyz"),
-        *(Parameter(f"turn_{axis}", 3e-4) for axis in "xyz"),
+        *(Parameter(f"turn_{axis}", 3e-4, family="turn") for axis in "xyz"),
     )
     """Shift [m] and rotation vector [rad]."""
 

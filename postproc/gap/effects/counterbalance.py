@@ -23,13 +23,12 @@ class Counterbalance(Effect):
     source = "spring of length sqrt(a^2 + L^2 + 2 a L cos(q2 - phi)), first two harmonics"
     action = "check gas pressure and bearings of the counterbalance"
     conditions = ("q2",)
-    of_own_angle = True
     layout = (("cosine_deg", 1), ("sine_deg", 1), ("cosine_2_deg", 1), ("sine_2_deg", 1))
     parameter_list = (
         Parameter("cosine", 2e-4, joint=2),
         Parameter("sine", 2e-4, joint=2),
-        Parameter("cosine_2", 3e-5, joint=2),
-        Parameter("sine_2", 3e-5, joint=2),
+        Parameter("cosine_2", 3e-5, joint=2, family="twice"),
+        Parameter("sine_2", 3e-5, joint=2, family="twice"),
     )
     """The amplitudes of cos and sin of q2, then of 2 q2 [rad of joint 2]."""
 

@@ -20,7 +20,6 @@ class EncoderScale(Effect):
     action = "check the gear ratio of the named axis in the machine data"
     conditions = ("joint angle",)
     is_rare = True
-    of_own_angle = True
     layout = (("relative", 6),)
     parameter_list = per_joint(2e-4)
     """Six ratios [rad/rad]."""

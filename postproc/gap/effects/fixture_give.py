@@ -33,7 +33,6 @@ class FixtureGive(Effect):
     kind = Kind.ALTERNATIVE
     needs = ("wrench",)
     conditions = ("load", "position")
-    mistaken_for = ("joint_compliance", "variable_stiffness")
     parameter_list = tuple(
         Parameter(f"give_{i}{j}_{way}", 0.1)
         for way in ("mean", "x", "y", "z")

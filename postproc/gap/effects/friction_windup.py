@@ -28,8 +28,6 @@ class FrictionWindup(Effect):
     kind = Kind.ALTERNATIVE
     needs = ("direction",)
     conditions = ("approach",)
-    mistaken_for = ("backlash",)
-    prevails_from = 0.2  # it is only the part that changes of what backlash is the mean of
 
     def prepare(self, samples: Samples) -> Setting:
         """Return what the give may change with: names, mean and spread of numeric columns."""

@@ -30,17 +30,21 @@ class GravitySag(Effect):
     action = "compensate with model.toml; check the counterbalance"
     conditions = ("q2", "q3")
     geometric = True
+    is_common = True
     has_tool_weight = True
-    absorbed_by = ("link_geometry",)
     equilibrium = True
     layout = (("scale", 6), ("shape", 4), ("wrist_moment", 6))
     parameter_list = (
         *per_joint(1.0),
-        Parameter("joint_2_upper_arm", 0.3, joint=2),
-        Parameter("joint_2_forearm", 0.3, joint=2),
-        Parameter("joint_2_forearm_across", 0.3, joint=2),
-        Parameter("joint_3_forearm_across", 0.3, joint=3),
-        *(Parameter(f"wrist_{link}_{axis}", 0.05, joint=link) for link in (4, 5) for axis in "xyz"),
+        Parameter("joint_2_upper_arm", 0.3, joint=2, family="shape"),
+        Parameter("joint_2_forearm", 0.3, joint=2, family="shape"),
+        Parameter("joint_2_forearm_across", 0.3, joint=2, family="shape"),
+        Parameter("joint_3_forearm_across", 0.3, joint=3, family="shape"),
+        *(
+            Parameter(f"wrist_{link}_{axis}", 0.05, joint=link, family="wrist")
+            for link in (4, 5)
+            for axis in "xyz"
+        ),
     )
     """Six scales of the reference sag, four shapes of axes 2 and 3, wrist moments."""
 

@@ -18,6 +18,7 @@ class JointOffset(Effect):
     action = "master the named axes again, or enter the offsets in the controller"
     conditions = ("pose",)
     geometric = True
+    is_common = True
     layout = (("offset_deg", 6),)
     parameter_list = per_joint(3e-4)
     """Six offsets [rad]."""

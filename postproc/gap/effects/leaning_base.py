@@ -27,8 +27,6 @@ class LeaningBase(Effect):
     action = "put an indicator on the base plate and move the arm around"
     kind = Kind.ALTERNATIVE
     conditions = ("q1", "load")
-    mistaken_for = ("joint_compliance",)
-    mistaken_for_pose = True
     parameter_list = (
         *(Parameter(f"{part}_{axis}", 0.1) for part in _PARTS for axis in "xy"),
         *(Parameter(f"load_{axis}", 0.1) for axis in "xyz"),

@@ -26,7 +26,6 @@ class LinkBending(Effect):
     kind = Kind.ALTERNATIVE
     needs = ("wrench",)
     conditions = ("load",)
-    mistaken_for = ("joint_compliance", "variable_stiffness")
     parameter_list = tuple(
         Parameter(f"link_{link}_{axis}", 0.2, joint=link) for link in LINKS for axis in "xyz"
     )

@@ -24,10 +24,10 @@ class LinkGeometry(Effect):
     action = "have the arm calibrated; use model.toml for compensation meanwhile"
     conditions = ("pose",)
     geometric = True
-    absorbed_by = ("gravity_sag",)
+    is_common = True
     layout = (("axis_shift_mm", 10), ("axis_tilt_deg", 10))
     parameter_list = tuple(
-        Parameter(f"axis_{axis}_{way}_{kind}", size)
+        Parameter(f"axis_{axis}_{way}_{kind}", size, family=kind)
         for kind, size in (("shift", 3e-4), ("tilt", 2e-4))
         for axis in range(2, 7)
         for way in "ab"

@@ -17,7 +17,6 @@ class LinkSag(Effect):
     action = "measure two targets, on the tool and on the forearm, over the whole workspace"
     kind = Kind.ALTERNATIVE
     conditions = ("pose",)
-    mistaken_for = ("gravity_sag", "payload_error", "counterbalance", "joint_offset")
     parameter_list = tuple(
         Parameter(f"link_{link}_{axis}", 0.1, joint=link) for link in LINKS for axis in "xyz"
     )

@@ -36,8 +36,6 @@ class MeasuringScale(Effect):
     action = "measure a calibrated length in the same volume, in three directions"
     kind = Kind.ALTERNATIVE
     conditions = ("position",)
-    mistaken_for = ("thermal_drift",)
-    mistaken_for_pose = True
     parameter_list = (
         *(Parameter("scale_" + "".join("xyz"[i] for i in pair), 1e-4) for pair in _PAIRS),
         *(Parameter("bend_" + "".join("xyz"[i] for i in triple), 3e-5) for triple in _TRIPLES),

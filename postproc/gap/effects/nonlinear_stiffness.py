@@ -19,7 +19,6 @@ class NonlinearStiffness(Effect):
     kind = Kind.ALTERNATIVE
     needs = ("wrench",)
     conditions = ("load",)
-    mistaken_for = ("joint_compliance", "variable_stiffness")
     refines = ("joint_compliance",)
     parameter_list = tuple(
         Parameter(f"joint_{i}_{way}", 0.2, joint=i)

@@ -34,7 +34,6 @@ class OutsidePull(Effect):
     action = "hang the hose package free, or measure again without it"
     kind = Kind.ALTERNATIVE
     conditions = ("position", "pose")
-    mistaken_for_pose = True
 
     def prepare(self, samples: Samples) -> Setting:
         """Return the centre [m] and the extent [m] of the flange's places."""

@@ -27,9 +27,9 @@ class ThermalDrift(Effect):
     needs = ("temperature",)
     conditions = ("temperature",)
     parameter_list = (
-        *(Parameter(f"growth_{piece}", 1.5e-5) for piece in SEGMENTS),
+        *(Parameter(f"growth_{piece}", 1.5e-5, family="growth") for piece in SEGMENTS),
         *per_joint(1e-5),
-        *(Parameter(f"tilt_{axis}", 3e-6) for axis in "xy"),
+        *(Parameter(f"tilt_{axis}", 3e-6, family="tilt") for axis in "xy"),
     )
     """Growth [1/K] of four pieces, drift of six joints and lean about x, y [rad/K]."""
 

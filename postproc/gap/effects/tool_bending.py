@@ -28,7 +28,6 @@ class ToolBending(Effect):
     kind = Kind.ALTERNATIVE
     needs = ("wrench",)
     conditions = ("load",)
-    mistaken_for = ("joint_compliance", "variable_stiffness")
     parameter_list = tuple(
         Parameter(f"{place}_{i}{j}", 0.1) for place in ("flange", "robroot") for i, j in SYMMETRIC
     )

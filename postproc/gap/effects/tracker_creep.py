@@ -20,7 +20,6 @@ class TrackerCreep(Effect):
     kind = Kind.ALTERNATIVE
     needs = ("time",)
     conditions = ("time",)
-    mistaken_for = ("thermal_drift", "link_geometry")
     parameter_list = tuple(
         Parameter(f"{kind}_{axis}_{form}", size)
         for form in ("line", "curve")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -25,17 +26,24 @@ class TransmissionError(Effect):
     action = "compensate with model.toml; inspect the gear of the named joint"
     conditions = ("joint angle",)
     periodic = True
+    may_be_several = True
 
     def prepare(self, samples: Samples) -> Setting:
         """Return two and three periods of each joint; a search may choose others."""
         del samples
         return {"waves": tuple((joint, n) for joint in range(1, 7) for n in (2.0, 3.0))}
 
+    def joined(self, settings: Sequence[Setting]) -> Setting:
+        """Return all waves together."""
+        return {"waves": tuple(wave for setting in settings for wave in setting["waves"])}
+
     def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
         """Return two amplitudes [rad] for each wave."""
         del arm
         return tuple(
-            Parameter(f"joint_{joint}_{n:g}_{part}", 1e-4, joint=int(joint))
+            Parameter(
+                f"joint_{joint}_{n:g}_{part}", 1e-4, joint=int(joint), family=f"{joint}:{n:g}"
+            )
             for joint, n in setting["waves"]
             for part in ("cos", "sin")
         )

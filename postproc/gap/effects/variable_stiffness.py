@@ -70,7 +70,7 @@ class VariableStiffness(Effect):
         if "field" in setting:
             return (Parameter("field", 1.0),)
         return tuple(
-            Parameter(f"joint_{joint}_{term}", typical, joint=joint)
+            Parameter(f"joint_{joint}_{term}", typical, joint=joint, family=term[-1])
             for joint in range(1, 7)
             for term, typical in zip(TERMS, _TYPICAL, strict=True)
         )

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
-from postproc.gap.data import Samples
+from postproc.gap.data import Arm, Samples
 from postproc.gap.effect import Effect, Parameter, Setting, State
 from postproc.gap.robot_model import States, columns, effect_of, evaluate
 from postproc.records import dataclass
@@ -19,10 +19,13 @@ _UNSEEN = 0.9
 
 @dataclass(frozen=True, slots=True)
 class Free:
-    """An effect to fit: its setting, how far its prior is widened, and where it starts."""
+    """An effect to fit: its setting, how far its prior is widened, and where it starts.
+
+    ``widen``: of all numbers or of each (p,) of unit prior.
+    """
 
     setting: Setting
-    widen: float = 1.0
+    widen: float | FloatArray = 1.0
     start: FloatArray | None = None
 
 
@@ -69,30 +72,36 @@ def fit(
         free: effects to fit.
     """
     effects = [(effect_of(name), options) for name, options in free.items()]
-    parameters, slices, typical, mean = _layout(samples, given, effects)
-    lower = np.array([p.lower for p in parameters])
-    upper = np.array([p.upper for p in parameters])
+    parameters, slices, root, mean = _layout(samples, given, effects)
+    width, lower, upper = _widths(parameters, root)
     theta = np.clip(_start(mean, effects, slices), lower, upper)
-    covariance = np.diag(typical**2)
+    covariance = root @ root.T
     states = dict(given)
     point = samples.point
     for _ in range(_STEPS if effects else 0):
         states = dict(given) | _states(theta, effects, slices)
         point, actual = evaluate(samples, states)
-        X = _columns(actual, effects) * typical
+        X = _columns(actual, effects) @ root
         A = (X * weight[:, None, None]).reshape(-1, X.shape[2])
         r = ((measured - point) * weight[:, None]).ravel()
-        H = A.T @ A + np.eye(len(typical))
-        gradient = A.T @ r + (mean - theta) / typical
-        step = _bounded(H, gradient, (lower - theta) / typical, (upper - theta) / typical)
-        theta = theta + step * typical
-        covariance = np.linalg.inv(H) * np.outer(typical, typical)
+        H = A.T @ A + np.eye(len(width))
+        gradient = A.T @ r + np.linalg.solve(root, mean - theta)
+        step = _bounded(H, gradient, (lower - theta) / width, (upper - theta) / width)
+        theta = theta + root @ step
+        covariance = root @ np.linalg.inv(H) @ root.T
         if np.max(np.abs(step), initial=0.0) < 1e-4:
             break
-    unseen = np.sqrt(np.diag(covariance)) > _UNSEEN * typical
+    unseen = np.sqrt(np.diag(covariance)) > _UNSEEN * np.sqrt(np.diag(root @ root.T))
     states = dict(given) | _states(theta, effects, slices)
     point = evaluate(samples, states)[0]
     return Fit(states, theta, covariance, slices, parameters, unseen, point)
+
+
+def unit_root(effect: Effect, arm: Arm, setting: Setting) -> FloatArray:
+    """Return the matrix (p, p) that makes an effect's numbers of independent standard normals."""
+    root = effect.correlation_root(setting)
+    typical = np.array([p.typical for p in effect.parameters(arm, setting)])
+    return np.asarray(np.diag(typical) if root is None else typical[:, None] * root)
 
 
 def variance(samples: Samples, fitted: Fit) -> FloatArray:
@@ -136,12 +145,12 @@ def without_blocks(
         (k, p) in the order of the effects, SI.
     """
     effects = [(effect_of(name), options) for name, options in free.items()]
-    parameters, _, typical, _ = _layout(samples, {}, effects)
+    parameters, _, root, _ = _layout(samples, {}, effects)
     theta = np.concatenate([np.zeros(0), *(states[name].theta for name in free)])
-    bounds = np.array([(p.lower, p.upper) for p in parameters]).reshape(-1, 2)
-    inside = (theta > bounds[:, 0]) & (theta < bounds[:, 1])
+    _, lower, upper = _widths(parameters, root)
+    inside = (theta > lower) & (theta < upper)
     actual = evaluate(samples, states)[1]
-    A = ((_columns(actual, effects) * typical) * weight[:, None, None])[:, :, inside]
+    A = ((_columns(actual, effects) @ root) * weight[:, None, None])[:, :, inside]
     r, p = rest * weight[:, None], A.shape[2]
     k = int(label.max()) + 1
     further = np.broadcast_to(moved, (k, *rest.shape)) * weight[:, None]
@@ -153,7 +162,7 @@ def without_blocks(
         pull[j] += here.T @ (r - further[j])[label == j].ravel()
     step = np.zeros((k, len(theta)))
     step[:, inside] = -np.linalg.solve(H, pull[:, :, None])[:, :, 0]
-    return np.asarray(step * typical)
+    return np.asarray(step @ root.T)
 
 
 def moved_points(
@@ -175,21 +184,32 @@ def moved_points(
 def _layout(
     samples: Samples, given: States, effects: list[tuple[Effect, Free]]
 ) -> tuple[tuple[Parameter, ...], dict[str, slice], FloatArray, FloatArray]:
+    """Return parameters, slices, the root (p, p) of the prior covariance, and its mean (p,)."""
     parameters: list[Parameter] = []
     slices: dict[str, slice] = {}
-    typical: list[FloatArray] = []
+    roots: list[FloatArray] = []
     mean: list[FloatArray] = []
     for effect, options in effects:
         own = effect.parameters(samples.arm, options.setting)
         slices[effect.name] = slice(len(parameters), len(parameters) + len(own))
         parameters += own
-        typical.append(np.array([p.typical for p in own]) * options.widen)
+        roots.append(unit_root(effect, samples.arm, options.setting) * options.widen)
         known = given.get(effect.name)
         same = known is not None and len(known.theta) == len(own)
         mean.append(np.nan_to_num(known.theta) if known and same else np.zeros(len(own)))
-    if not effects:
-        return (), {}, np.zeros(0), np.zeros(0)
-    return tuple(parameters), slices, np.concatenate(typical), np.concatenate(mean)
+    root = np.zeros((len(parameters), len(parameters)))
+    for part, block in zip(slices.values(), roots, strict=True):
+        root[part, part] = block
+    return tuple(parameters), slices, root, np.concatenate([np.zeros(0), *mean])
+
+
+def _widths(
+    parameters: tuple[Parameter, ...], root: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return widths and bounds (p,) of numbers; bounds hold where numbers are independent."""
+    lower = np.array([p.lower for p in parameters])
+    upper = np.array([p.upper for p in parameters])
+    return np.diag(root), lower, upper
 
 
 def _start(

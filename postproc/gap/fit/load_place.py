@@ -17,7 +17,7 @@ from postproc.arrays import BoolArray, FloatArray
 from postproc.errors import SourceRef
 from postproc.gap.data import Samples
 from postproc.gap.effect import EFFECTS, registration_effects
-from postproc.gap.fit.linear import Block, NormalEquations, block_of, predicted
+from postproc.gap.fit.linear import Block, block_of
 from postproc.gap.fit.registration import register
 from postproc.gap.robot_model import States, evaluate
 from postproc.measurement import SetUps, in_robroot, robust_sigma
@@ -67,7 +67,7 @@ def register_loaded(
     sound = np.minimum(*left) < _FAULT * np.median(np.minimum(*left))
     sigma = min(robust_sigma(size[sound]) for size in left)
     weight = sound / max(sigma, _LEAST)
-    here, there = (_evidence(NormalEquations.of(blocks, gap, weight)) for blocks, gap in sides)
+    here, there = (_evidence(blocks, gap, weight) for blocks, gap in sides)
     if there < here + SURE:
         return first
     return replace(register(at_point, measured, given, set_ups, rows, source), loads_at_point=True)
@@ -88,21 +88,31 @@ def _library(
 
 def _left(blocks: Sequence[Block], gap: FloatArray) -> FloatArray:
     """Return what the most probable numbers of everything leave of each row (n,) [m]."""
-    equations = NormalEquations.of(blocks, gap, np.full(len(gap), 1.0 / _FINE))
-    theta = equations.solve([block.key for block in blocks])[0]
-    return np.asarray(np.linalg.norm(gap - predicted(blocks, theta), axis=1))
+    A, y = _flat(blocks, gap, np.full(len(gap), 1.0 / _FINE))
+    theta = np.linalg.solve(A.T @ A + np.eye(A.shape[1]), A.T @ y)
+    return np.asarray(np.linalg.norm((y - A @ theta).reshape(-1, 3) * _FINE, axis=1))
 
 
-def _evidence(equations: NormalEquations) -> float:
+def _evidence(blocks: Sequence[Block], gap: FloatArray, weight: FloatArray) -> float:
     """Return the log evidence [nats], of what is the simplest that will do.
 
     The frames alone, with a give under the loads, or everything: a place that is right needs
     little beside it, a wrong one much.
     """
-    everything = [block.key for block in equations.blocks]
-    frames = registration_effects()
-    give = [block.key for block in equations.blocks if block.effect.conditions == ("load",)]
-    return (
-        max(equations.evidence(k) for k in (frames, (*frames, *give), everything))
-        - 0.5 * equations.total
-    )
+    frames = [b for b in blocks if b.name in registration_effects()]
+    give = [b for b in blocks if b.effect.conditions == ("load",)]
+    found = []
+    for some in (frames, [*frames, *give], list(blocks)):
+        A, y = _flat(some, gap, weight)
+        B, b = A.T @ A + np.eye(A.shape[1]), A.T @ y
+        value = float(b @ np.linalg.solve(B, b)) - float(y @ y)
+        found.append(0.5 * value - 0.5 * float(np.linalg.slogdet(B)[1]))
+    return max(found)
+
+
+def _flat(
+    blocks: Sequence[Block], gap: FloatArray, weight: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return columns (3n, p) and gap (3n,) in units of the noise."""
+    X = np.concatenate([block.X for block in blocks], axis=2) * weight[:, None, None]
+    return X.reshape(3 * len(gap), -1), (gap * weight[:, None]).ravel()

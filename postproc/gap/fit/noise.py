@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from enum import StrEnum
 
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.gap.data import Samples
-from postproc.gap.fit.linear import Block, design_matrix
 from postproc.gap.fit.revisits import WanderBounds, revisits
 from postproc.measurement import robust_sigma
 from postproc.records import dataclass
 from postproc.units import MM
 
-_OUTLIER = 5.5
-"""Residual norm over sigma: chi-squared of 3 passes 30 once in 700,000 rows of noise."""
-_MOST_OUTLIERS, _ALWAYS_OUTLIERS = 0.06, 2
-"""Share of the rows that may be faults, and how many may be in any campaign."""
 _FAR, _FARTHER = 20.0 * MM, 10.0
 """Distance, and its ratio to the usual one, from which a reading is of something else."""
 LEAST = 2e-6
@@ -162,77 +156,7 @@ def neighbour_bound(samples: Samples, y: FloatArray, usable: BoolArray, unit: In
     return robust_sigma(apart) / float(np.sqrt(2.0))
 
 
-@dataclass(frozen=True, slots=True)
-class Saturated:
-    """What is left when every candidate is fitted at once.
-
-    residual: (n, 3) [m] of a leave-one-out prediction, in the scale of the noise; sigma [m] per
-    axis; freedom: degrees of freedom left; outlier: (n,) rows that are faults.
-    """
-
-    residual: FloatArray
-    sigma: float
-    freedom: float
-    outlier: BoolArray
-
-
-def saturated(
-    blocks: Sequence[Block], y: FloatArray, sigma: float, rounds: int = 6, least: float = LEAST
-) -> Saturated:
-    """Fit all blocks together with their priors, again and again, setting faults aside.
-
-    Rows are judged only here, with every candidate in the model, by the error of predicting each
-    row from the others: a row is never thrown away because the right effect was missing.
-
-    Args:
-        blocks: all candidates, library and alternatives.
-        y: (n, 3) gap [m].
-        sigma: first guess of the noise [m] per axis.
-        rounds: most fits.
-        least: no smaller noise is believed [m]: few rows leave nothing of many numbers.
-    """
-    n = len(y)
-    X = design_matrix(blocks, n)
-    gross = gross_faults(y)
-    most = max(_ALWAYS_OUTLIERS, int(_MOST_OUTLIERS * n))
-    use = ~gross
-    result = Saturated(y, sigma, 3.0 * n, ~use)
-    for _ in range(rounds):
-        A = X[use].reshape(-1, X.shape[2])
-        inverse = np.linalg.inv(A.T @ A + sigma**2 * np.eye(X.shape[2]))
-        theta = inverse @ (A.T @ y[use].ravel())
-        raw = y - X @ theta
-        root = X @ np.linalg.cholesky(inverse)
-        hat = np.einsum("nip,njp->nij", root, root)
-        freedom = 3.0 * use.sum() - float(np.einsum("nii->", hat[use]))
-        free = np.eye(3) - hat * use[:, None, None]
-        free[~use] = np.eye(3) + hat[~use]
-        out = _whitened(raw, free)
-        norm = np.linalg.norm(out, axis=1)
-        robust = robust_sigma(norm[use])
-        new_sigma = max(float(np.sqrt(np.sum(raw[use] ** 2) / max(freedom, 1.0))), least)
-        limit = _OUTLIER * max(min(robust, new_sigma), 1e-9)
-        bad = norm > limit
-        if bad[~gross].sum() > most:
-            bad = norm > np.sort(norm[~gross])[-most - 1]
-        bad |= gross
-        result = Saturated(out, new_sigma, freedom, bad)
-        settled = bool(np.array_equal(bad, ~use)) and abs(new_sigma / sigma - 1.0) < 0.02
-        use, sigma = ~bad, new_sigma
-        if settled:
-            break
-    return result
-
-
 def gross_faults(y: FloatArray) -> BoolArray:
     """Return the rows (n,) whose gap (n, 3) [m] is of another order than that of most."""
     away = np.linalg.norm(y, axis=1)
     return np.asarray(away > max(_FAR, _FARTHER * float(np.median(away))))
-
-
-def _whitened(raw: FloatArray, free: FloatArray) -> FloatArray:
-    """Return residuals (n, 3) divided by the root of the share (n, 3, 3) the fit left free."""
-    values, vectors = np.linalg.eigh(0.5 * (free + np.swapaxes(free, 1, 2)))
-    values = np.maximum(values, 0.02)
-    local = np.einsum("nji,nj->ni", vectors, raw) / np.sqrt(values)
-    return np.asarray(np.einsum("nij,nj->ni", vectors, local))

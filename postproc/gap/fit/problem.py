@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, Rows
+from postproc.arrays import BoolArray, FloatArray
 from postproc.cell import Cell
 from postproc.errors import DataError, SourceRef
 from postproc.gap.data import COLUMN_NAMES, Samples, Split, samples_of, split
 from postproc.gap.effect import EFFECTS, Effect, Kind, Setting
-from postproc.gap.fit.linear import Block, block_of
 from postproc.gap.fit.load_place import register_loaded
-from postproc.gap.fit.memory import at_size, processes
 from postproc.gap.fit.registration import rows_on_the_arm
+from postproc.gap.fit.wander import Wander, wanders
 from postproc.gap.robot_model import RobotModel, States, arm_of, evaluate
 from postproc.kinematics import Kinematics
 from postproc.measurement import MeasurementSet, SetUps, in_robroot, points_of, set_ups
@@ -27,7 +26,7 @@ WIDE = 20.0
 LARGEST_SEARCH = 1500
 """Rows used for searching; more make it slower and no better."""
 _FEWEST = 12
-_READINGS = 4
+_READINGS = 2
 """Readings, three a row, that each number of an effect needs."""
 _FRAMES = 9
 """Numbers of a registration."""
@@ -58,7 +57,7 @@ class Problem:
     registration: Registration | None
     set_ups: SetUps
     instrument: FloatArray | None
-    processes: tuple[Block, ...]
+    wanders: tuple[Wander, ...]
 
     def __len__(self) -> int:
         """Return the number of rows."""
@@ -72,51 +71,11 @@ class Problem:
         return tuple(e.name for e in self.effects if e.kind == Kind.REGISTRATION)
 
     @property
-    def on_demand(self) -> tuple[Effect, ...]:
-        """Candidates that are tried only where the others do not suffice."""
-        return tuple(e for e in self.effects if e.on_demand and e.name not in self.given)
-
-    @property
     def relative(self) -> FloatArray:
         """(n,) sd of each reading against the usual one."""
         if self.instrument is None:
             return np.ones(len(self))
         return np.asarray(self.instrument / np.sqrt(np.mean(self.instrument**2)))
-
-    def widen(self, name: str) -> float:
-        """Return how far the prior of an effect is widened."""
-        return WIDE if name in self.always else 1.0
-
-    def memory_at(self, memory: Sequence[Block], index: Rows) -> tuple[Block, ...]:
-        """Return the processes of a memory at other rows."""
-        whole = {block.key: block for block in self.processes}
-        return tuple(at_size(whole[block.key].rows(index), block) for block in memory)
-
-    def blocks(self, rows: BoolArray) -> tuple[Block, ...]:
-        """Return the columns of all candidates but waves and those that are tried on demand.
-
-        They are those at the pose that the model gives.
-        """
-        part = self.samples.rows(np.flatnonzero(rows))
-        actual = evaluate(part, self.given)[1]
-        return tuple(
-            block_of(
-                e,
-                actual,
-                setting,
-                key,
-                widen=self.widen(e.name),
-                start=self.given[e.name].theta if e.name in self.given else None,
-            )
-            for e in self.effects
-            if not e.periodic and e not in self.on_demand
-            for key, setting in self._variants(e).items()
-        )
-
-    def _variants(self, effect: Effect) -> dict[str, Setting]:
-        """Return the settings of an effect by key; one that the model has stays as it is."""
-        setting = self.settings[effect.name]
-        return {effect.name: setting} if effect.name in self.given else effect.variants(setting)
 
 
 def pose_problem(
@@ -175,7 +134,7 @@ def pose_problem(
         registration,
         rows,
         _instrument(measurements, cell),
-        processes(samples, rows.unit),
+        wanders(samples, rows.unit),
     )
 
 
@@ -230,7 +189,7 @@ def _require_near(gap: FloatArray, place: SourceRef) -> None:
 def rows_for(effect: Effect, samples: Samples, frames: int) -> int:
     """Return how many rows the numbers of an effect need beside those of the frames.
 
-    As many readings as twice the numbers; those of waves, tables and frames are chosen otherwise.
+    Two readings for each number; those of waves, tables and frames are chosen otherwise.
     """
     if effect.periodic or effect.on_demand or effect.kind == Kind.REGISTRATION:
         return 0

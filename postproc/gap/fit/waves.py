@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from postproc.arrays import FloatArray
 from postproc.gap.data import Samples
-from postproc.gap.fit.linear import Block, design_matrix
 from postproc.records import dataclass
 
 LOWEST, HIGHEST = 2, 120
@@ -25,7 +24,6 @@ TYPICAL = 1e-4
 """Amplitude [rad]."""
 MOST = 11
 """As many waves are no gear error."""
-MOST_ON_A_JOINT = 3
 STANDING = 1e-3
 """A joint that turns by less [rad] over all rows stands: nothing can be told to follow it."""
 _UNMOVED = 1e-20
@@ -35,24 +33,14 @@ _PRICE = 5.0
 Wave = tuple[int, float]
 
 
-def is_gear_error(waves: Sequence[Wave]) -> bool:
-    """Return whether waves are few enough to be a cause.
-
-    Anything can be built from waves: where there is no end of them, or many on one joint, they
-    are a way to write down something else, and do not hold on other poses.
-    """
-    joints = [joint for joint, _ in waves]
-    crowded = any(joints.count(joint) > MOST_ON_A_JOINT for joint in joints)
-    return 0 < len(waves) < MOST and not crowded
-
-
 class Projection:
     """What a set of blocks leaves of the gap, and of new columns once they are partialled out."""
 
-    def __init__(self, blocks: Sequence[Block], y: FloatArray, weight: FloatArray) -> None:
+    def __init__(self, X: FloatArray, y: FloatArray, weight: FloatArray) -> None:
+        """Take columns (n, 3, p) [m] of unit prior, a gap (n, 3) [m] and weights (n,) [1/m]."""
         self.weight = weight
         self.y = (weight[:, None] * y).ravel()
-        X = (design_matrix(blocks, len(y)) * weight[:, None, None]).reshape(len(self.y), -1)
+        X = (X * weight[:, None, None]).reshape(len(self.y), X.shape[2])
         self._take(X, X.T @ X)
 
     def _take(self, X: FloatArray, G: FloatArray) -> None:
@@ -94,22 +82,20 @@ def find_waves(
     samples: Samples,
     y: FloatArray,
     weight: FloatArray,
-    blocks: Sequence[Block],
+    beside: FloatArray,
     at_most: int = MOST,
-    highest: int = HIGHEST,
 ) -> tuple[Wave, ...]:
-    """Return the waves in what ``blocks`` leave of the gap, strongest first.
+    """Return the waves in what other columns leave of the gap, strongest first.
 
     Args:
         samples: rows.
         y: (n, 3) gap [m].
         weight: (n,) 1/sigma [1/m].
-        blocks: what explains the rest.
+        beside: (n, 3, p) columns [m] of unit prior.
         at_most: largest number of waves.
-        highest: largest order that is tried.
     """
-    context = Projection(blocks, y, weight)
-    scan = _Scan.of(samples, weight, np.arange(LOWEST, highest + 1, dtype=np.float64))
+    context = Projection(beside, y, weight)
+    scan = _Scan.of(samples, weight, np.arange(LOWEST, HIGHEST + 1, dtype=np.float64))
     tried = 6 * len(scan.orders)
     found: list[Wave] = []
     for _ in range(at_most):

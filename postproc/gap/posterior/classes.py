@@ -7,20 +7,15 @@ fairly. The largest is taken, and the others are judged by what it leaves.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from postproc.arrays import FloatArray, IndexArray
+from postproc.arrays import FloatArray
 from postproc.gap.data import Samples
-from postproc.gap.fit import STANDING, Noise, Projection, Regression, Wave
+from postproc.gap.fit import STANDING, Noise
 from postproc.records import dataclass
 
-SIZES = (1.0, 3.0, 10.0, 30.0)
-"""Sizes tried of a group, in noise."""
-SURE = 12.0
-"""Nats that a group must bring."""
-MOST = 4
 _STEPS = 16
 """Moments at which a step is tried."""
 _FORMULAS = {
@@ -36,11 +31,9 @@ _FORMULAS = {
     ("temperature", "proportional"),
 }
 """Class and shape that effects of the library have, or are told from otherwise."""
-_LOUD = 1.5
+LOUD = 1.5
 """Ratio of wander and white noise from which the wander is a course of time that nothing explains,
 and no noise."""
-_SMALLEST = 0.5
-"""Root mean square of what is listed, in noise per axis."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,25 +66,6 @@ class Group:
         return (self.kind, self.shape) not in _FORMULAS
 
 
-def unexplained(
-    regression: Regression, keys: Iterable[str], waves: Iterable[Wave] = ()
-) -> tuple[Part, ...]:
-    """Return what the rest beside some blocks is a function of, largest first.
-
-    Args:
-        regression: rows and blocks.
-        keys: blocks that are known causes; frames are always among them.
-        waves: ripples that were found in the rest.
-    """
-    bench = Bench.of(regression, waves)
-    parts = []
-    for k, fit in bench.left({*regression.always, *keys}):
-        if fit.rms > _SMALLEST * bench.noise:
-            group = bench.groups[k]
-            parts.append(Part(group.kind, group.of, group.shape, fit.rms, fit.gain))
-    return tuple(sorted(parts, key=lambda p: (-p.rms, p.kind, p.of)))
-
-
 def wandering(noise: Noise, rest: Sequence[Part]) -> tuple[Part, ...]:
     """Return the parts of what is left, largest first, and a wander too large to be noise.
 
@@ -102,111 +76,21 @@ def wandering(noise: Noise, rest: Sequence[Part]) -> tuple[Part, ...]:
     size = float(np.sqrt(3.0)) * noise.wander
     parts = list(rest)
     has = any(part.kind == "time" and part.rms >= size for part in rest)
-    if noise.wander > _LOUD * noise.white and not has:
+    if noise.wander > LOUD * noise.white and not has:
         parts.append(Part("time", "station", "wander", size, float("nan")))
     return tuple(sorted(parts, key=lambda p: (-p.rms, p.kind, p.of)))
 
 
-@dataclass(frozen=True, slots=True)
-class Fitted:
-    """Evidence less the price [nats], size [m] and 3D rms [m] of a group at its best size."""
+def groups_of(samples: Samples, moments: FloatArray | None = None) -> list[Group]:
+    """Return all groups, columns of unit size.
 
-    gain: float
-    size: float
-    rms: float
-
-
-@dataclass(frozen=True, slots=True)
-class Bench:
-    """Groups on the rows in use, their columns side by side.
-
-    use: numbers of the rows; weight: of these [1/m]; X: (3n, m) in units of the noise, of all
-    groups; start: first column of each group and the end.
+    Args:
+        samples: rows.
+        moments: of steps [s]; None: spread over the rows.
     """
-
-    regression: Regression
-    use: IndexArray
-    weight: FloatArray
-    groups: list[Group]
-    X: FloatArray
-    start: IndexArray
-
-    @classmethod
-    def of(cls, regression: Regression, waves: Iterable[Wave]) -> Bench:
-        """Return all groups on the rows of a regression."""
-        use = np.flatnonzero(regression.weight > 0)
-        weight = regression.weight[use]
-        groups = [g for g in groups_of(regression.samples.rows(use), waves) if g.X.shape[2]]
-        X = np.concatenate([weighted(g.X, weight) for g in groups], axis=1)
-        start = np.cumsum([0, *(g.X.shape[2] for g in groups)])
-        return cls(regression, use, weight, groups, X, start)
-
-    @property
-    def noise(self) -> float:
-        """Noise [m] per axis."""
-        return 1.0 / float(np.median(self.weight))
-
-    def context(self, keys: Collection[str]) -> Projection:
-        """Return what some blocks leave."""
-        base = [b.rows(self.use) for b in self.regression.blocks if b.key in keys]
-        return Projection(base, self.regression.y[self.use], self.weight)
-
-    def columns(self, k: int) -> FloatArray:
-        """Return the columns (3n, m) of a group, in units of the noise per metre."""
-        return self.X[:, self.start[k] : self.start[k + 1]]
-
-    def left(self, keys: Collection[str]) -> list[tuple[int, Fitted]]:
-        """Return the groups that some blocks leave most to, one after the other."""
-        context = self.context(keys)
-        waiting = list(range(len(self.groups)))
-        found: list[tuple[int, Fitted]] = []
-        for _ in range(MOST):
-            tried = self.fitted(context, waiting)
-            best = max(waiting, key=lambda k: tried[k].gain, default=-1)
-            if best < 0 or tried[best].gain < SURE:
-                break
-            waiting.remove(best)
-            found.append((best, tried[best]))
-            context.extend(self.columns(best) * tried[best].size)
-        return found
-
-    def fitted(self, context: Projection, which: Collection[int]) -> dict[int, Fitted]:
-        """Return what some groups bring in a context."""
-        rest = context.rest
-        taken = context.X.T @ self.X
-        bound = context.inverse @ taken
-        whole = self.X.T @ rest
-        found = {}
-        for k in which:
-            part = slice(self.start[k], self.start[k + 1])
-            A = self.X[:, part].T @ self.X[:, part] - taken[:, part].T @ bound[:, part]
-            found[k] = self._best(A, whole[part], self.groups[k].price)
-        return found
-
-    def _best(self, A: FloatArray, b: FloatArray, price: float) -> Fitted:
-        best = Fitted(-np.inf, 0.0, 0.0)
-        for size in SIZES:
-            scale = size * self.noise
-            H = scale**2 * A + np.eye(len(A))
-            theta = scale**2 * np.linalg.solve(H, b)
-            gain = 0.5 * float(b @ theta) - 0.5 * float(np.linalg.slogdet(H)[1]) - price
-            if gain > best.gain:
-                square = max(float(theta @ A @ theta), 0.0) / len(self.use)
-                best = Fitted(gain, scale, self.noise * float(np.sqrt(square)))
-        return best
-
-
-def weighted(X: FloatArray, weight: FloatArray) -> FloatArray:
-    """Return columns (3n, m) in units of the noise, of (n, 3, m) and weights (n,) [1/m]."""
-    return np.asarray((X * weight[:, None, None]).reshape(3 * len(X), -1))
-
-
-def groups_of(samples: Samples, waves: Iterable[Wave]) -> list[Group]:
-    """Return all groups, columns of unit size."""
     parts = (
         _of_joints(samples),
-        _of_waves(samples, waves),
-        _of_time(samples),
+        _of_time(samples, moments_of(samples) if moments is None else moments),
         _of_place(samples),
         _of_load(samples),
         _of_motion(samples),
@@ -260,16 +144,12 @@ def _bearing(samples: Samples, joint: int, f: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("nim,nk->nimk", both, f).reshape(len(f), 3, -1))
 
 
-def _of_waves(samples: Samples, waves: Iterable[Wave]) -> Iterator[Group]:
-    for joint, n in waves:
-        phase = n * samples.q[:, joint - 1]
-        f = np.column_stack([np.cos(phase), np.sin(phase)])
-        X = _unit(_turns(samples, joint - 1, f))
-        if n > 2:
-            yield Group("joint", f"q{joint}", f"{n:g} per turn", X, price=6.0)
+def moments_of(samples: Samples) -> FloatArray:
+    """Return the moments [s] at which a step is tried."""
+    return np.asarray(np.quantile(samples.course, np.linspace(0.05, 0.95, _STEPS)))
 
 
-def _of_time(samples: Samples) -> Iterator[Group]:
+def _of_time(samples: Samples, moments: FloatArray) -> Iterator[Group]:
     time = samples.course
     if float(np.ptp(time)) <= 0.0:
         return
@@ -283,7 +163,7 @@ def _of_time(samples: Samples) -> Iterator[Group]:
     hats = np.maximum(1.0 - np.abs(part[:, None] - knots) * 12.0, 0.0)
     yield Group("time", "station", "wander", _unit(_vectors(hats)))
     price = float(np.log(_STEPS))
-    for at in np.quantile(time, np.linspace(0.05, 0.95, _STEPS)):
+    for at in moments:
         f = (time > at).astype(float)
         if not 0.0 < f.mean() < 1.0:
             continue

@@ -1,0 +1,49 @@
+"""Which effects the rows speak for: one probabilistic model of all that a campaign can show."""
+
+from postproc.gap.posterior.chosen import Posterior, posterior
+from postproc.gap.posterior.classes import Group, Part, groups_of
+from postproc.gap.posterior.designs import Designs, designs
+from postproc.gap.posterior.evidence import optimum
+from postproc.gap.posterior.final import Named, all_rows, frames_of, names_free, thinned
+from postproc.gap.posterior.gates import (
+    DECISIVE,
+    OUTWEIGHS,
+    SMALLEST,
+    Judged,
+    judged,
+)
+from postproc.gap.posterior.names import CLOSE, Name, names_of
+from postproc.gap.posterior.prior import ODDS, Candidate, Sort, odds_of, of_effect
+from postproc.gap.posterior.residual import Dependence
+from postproc.gap.posterior.search import TEMPERATURE
+
+__all__ = [
+    "CLOSE",
+    "DECISIVE",
+    "ODDS",
+    "OUTWEIGHS",
+    "SMALLEST",
+    "TEMPERATURE",
+    "Candidate",
+    "Dependence",
+    "Designs",
+    "Group",
+    "Judged",
+    "Name",
+    "Named",
+    "Part",
+    "Posterior",
+    "Sort",
+    "all_rows",
+    "designs",
+    "frames_of",
+    "groups_of",
+    "judged",
+    "names_free",
+    "names_of",
+    "odds_of",
+    "of_effect",
+    "optimum",
+    "posterior",
+    "thinned",
+]

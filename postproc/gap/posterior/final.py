@@ -1,0 +1,205 @@
+"""The numbers of the names: exact model, all rows that are sound, and the same without some rows.
+
+What stands beside the names in the posterior (resemblances, classes, wander, effects too small for
+a name) is taken from the readings as the posterior has it: else the names would take it in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray, IntArray
+from postproc.gap.fit import (
+    WIDE,
+    Fit,
+    Free,
+    Problem,
+    fit,
+    gross_faults,
+    moved_points,
+    without_blocks,
+)
+from postproc.gap.posterior.chosen import free_of
+from postproc.gap.posterior.classes import groups_of
+from postproc.gap.posterior.evidence import Equations, optimum
+from postproc.gap.posterior.gates import Judged
+from postproc.gap.posterior.likelihood import Linearised, row_roots, student
+from postproc.gap.posterior.names import Name
+from postproc.gap.posterior.prior import Candidate, Sort, of_effect, of_group, wander
+from postproc.gap.robot_model import evaluate
+from postproc.measurement import robust_sigma
+from postproc.records import dataclass
+
+LARGEST_FIT = 4000
+"""Rows that numbers are fitted to; more make them no surer."""
+_FAULT = 6.0
+"""Rest of a row over the usual one from which the row is a measuring fault."""
+_MOST_FAULTS = 0.06
+"""Largest share of rows that may be faults."""
+
+
+@dataclass(frozen=True, slots=True)
+class Named:
+    """A fit of some names to some rows (n,), of which these alone are kept.
+
+    full: with what stands beside them taken from the readings (n, 3) [m]; fit: frames fitted once
+    more to what is kept.
+    """
+
+    problem: Problem
+    free: dict[str, Free]
+    sigma: float
+    rows: BoolArray
+    beside: FloatArray
+    full: Fit
+    fit: Fit
+
+    @classmethod
+    def of(
+        cls,
+        problem: Problem,
+        free: dict[str, Free],
+        sigma: float,
+        rows: BoolArray,
+        beside: FloatArray,
+    ) -> Named:
+        """Fit effects to some rows (n,)."""
+        index = np.flatnonzero(rows)
+        weight = 1.0 / (sigma * problem.relative[index])
+        part, measured = problem.samples.rows(index), problem.measured
+        found = fit(part, (measured - beside)[index], weight, problem.given, free)
+        full = replace(found, point=evaluate(problem.samples, found.states)[0])
+        if not (problem.always and np.any(beside)):
+            return cls(problem, free, sigma, rows, beside, full, full)
+        states = {n: s for n, s in full.states.items() if n not in problem.always}
+        frames = fit(part, measured[index], weight, states, frames_of(problem))
+        states |= {n: frames.states[n] for n in problem.always}
+        kept = replace(full, states=states, point=evaluate(problem.samples, states)[0])
+        return cls(problem, free, sigma, rows, beside, full, kept)
+
+    def missed(self, label: IntArray) -> FloatArray:
+        """Return how far each row (n,) is missed [m] by the fit without the rows of its label.
+
+        Args:
+            label: (n,) 0..k-1.
+        """
+        problem, samples, states = self.problem, self.problem.samples, self.full.states
+        rest = problem.measured - self.beside - self.full.point
+        by = without_blocks(samples, states, self.free, rest, self._weight, label)
+        ends = np.cumsum([len(states[name].theta) for name in self.free])
+        parts = (
+            dict(zip(self.free, np.split(by, ends[:-1], axis=1), strict=True)) if len(ends) else {}
+        )
+        again = frames_of(problem) if self.full is not self.fit else {}
+        stays = {n: part for n, part in parts.items() if n not in again}
+        moved = moved_points(samples, states, stays, np.hstack([by[:, :0], *stays.values()]))
+        if again:
+            rest = problem.measured - self.fit.point
+            by = without_blocks(samples, self.fit.states, again, rest, self._weight, label, moved)
+            moved = moved + moved_points(samples, self.fit.states, again, by)
+        left = problem.measured - self.fit.point - moved[label, np.arange(len(label))]
+        return np.asarray(np.linalg.norm(left, axis=1))
+
+    def deviations(self, label: IntArray) -> dict[str, FloatArray]:
+        """Return the standard deviations (p,) of each effect's numbers, SI.
+
+        The larger of the fit's own, which knows noise alone, and the delete-a-group jackknife over
+        labels of neighbouring poses (Efron 1982): a formula that is not exact gives other numbers
+        in another corner of the workspace.
+        """
+        rest = self.problem.measured - self.beside - self.full.point
+        by = without_blocks(
+            self.problem.samples, self.full.states, self.free, rest, self._weight, label
+        )
+        k = len(by)
+        scatter = np.sqrt((k - 1) / k * np.sum((by - by.mean(axis=0)) ** 2, axis=0))
+        own = np.sqrt(np.diag(self.full.covariance))
+        wide = np.maximum(own, scatter) if k > 2 else own
+        return {name: wide[part] for name, part in self.full.slices.items()}
+
+    @property
+    def _weight(self) -> FloatArray:
+        return np.where(self.rows, 1.0 / (self.sigma * self.problem.relative), 0.0)
+
+
+def frames_of(problem: Problem) -> dict[str, Free]:
+    """Return the frames of a registration, free."""
+    return {n: Free(problem.settings[n], WIDE) for n in problem.always}
+
+
+def names_free(judged: Judged, names: Sequence[Name]) -> dict[str, Free]:
+    """Return names and frames as a fit takes them."""
+    return free_of(judged.posterior, [k for n in names for k in n.keys], judged.whole)
+
+
+def thinned(rows: BoolArray) -> BoolArray:
+    """Return at most ``LARGEST_FIT`` of some rows (n,)."""
+    index = np.flatnonzero(rows)
+    out = np.zeros(len(rows), dtype=bool)
+    out[index[:: max(-(-len(index) // LARGEST_FIT), 1)]] = True
+    return out
+
+
+def all_rows(judged: Judged) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Return what stands beside the names in all rows (n, 3) [m], of it the wander; faults (n,)."""
+    of, problem = judged.posterior, judged.posterior.problem
+    n, whole = len(problem), judged.whole
+    named = {k for name in judged.adopted for k in name.keys}
+    free = free_of(of, [k for k in whole.keys if _has_effect(of.candidate(k))], whole)
+    gross = gross_faults(problem.gap)
+    rows = np.flatnonzero(thinned(~gross))
+    inside = problem.searchable[rows]
+    in_search = of.moved(whole, [k for k in whole.keys if not _has_effect(of.candidate(k))])
+    place = np.full(n, -1)
+    place[of.at.index] = np.arange(len(of.at.index))
+    weight = np.where(inside, of.weight[place[rows]], 0.0)
+    measured = problem.measured[rows] - in_search[place[rows]]
+    by = weight / (whole.sigma * problem.relative[rows])
+    found = fit(problem.samples.rows(rows), measured, by, problem.given, free)
+    at = Linearised.at(problem, np.arange(n), found.states)
+    candidates = [_at(c, at, judged) for c in map(of.candidate, whole.keys)]
+    weight = np.zeros(n)
+    weight[rows] = 1.0
+    for _ in range(2):
+        equations = Equations.of(candidates, at.z, row_roots(problem, np.arange(n), weight))
+        here = optimum(equations, whole.keys, of.prior, whole, held=True)
+        moved = {c.key: c.X @ here.theta[here.part(equations, c.key)] for c in candidates}
+        rest = at.z - sum(moved.values(), np.zeros_like(at.z))
+        size = np.linalg.norm(rest, axis=1) / problem.relative
+        sigma = max(robust_sigma(size[~gross]), of.level.sigma if of.level.known else 0.0)
+        weight = np.where(weight > 0.0, student(size / sigma), 0.0)
+    beside = sum((moved[k] for k in whole.keys if _is_beside(of.candidate(k), named)), 0.0 * rest)
+    waves = [k for k in whole.keys if of.candidate(k).sort is Sort.WANDER]
+    wander_ = sum((moved[k] for k in waves), 0.0 * rest)
+    bad: BoolArray = size > _FAULT * sigma
+    if bad[~gross].mean() > _MOST_FAULTS:
+        bad &= size > np.quantile(size[~gross], 1.0 - _MOST_FAULTS)
+    return beside, wander_, np.asarray(bad | gross)
+
+
+def _has_effect(candidate: Candidate) -> bool:
+    return candidate.effect is not None and candidate.sort is not Sort.FRAME
+
+
+def _is_beside(candidate: Candidate, named: set[str]) -> bool:
+    return candidate.sort is not Sort.FRAME and candidate.key not in named
+
+
+def _at(candidate: Candidate, at: Linearised, judged: Judged) -> Candidate:
+    """Return a candidate at other rows."""
+    of = judged.posterior
+    if candidate.effect is not None:
+        always = candidate.sort is Sort.FRAME
+        setting = candidate.setting or {}
+        return of_effect(candidate.effect, at.samples, setting, candidate.key, always)
+    if candidate.sort is Sort.WANDER:
+        return next(
+            c
+            for c in wander((w.key, w.X[at.index]) for w in of.problem.wanders)
+            if c.key == candidate.key
+        )
+    groups = (of_group(g) for g in groups_of(at.samples, of.moments) if g.X.shape[2])
+    return next(c for c in groups if c.key == candidate.key)

@@ -1,0 +1,164 @@
+"""What is believed before a row is read: widths of numbers, scales of groups, odds of causes.
+
+Each number of an effect is drawn as its width (``Parameter.typical``) times a scale that all
+numbers of its family share, times a standard normal. The scale has a half-Cauchy prior of size 1:
+an effect of the usual size is as likely as one of a third or of three times it, and one of ten
+times is no wonder. So no width has to be right, and none holds a whole group's size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from enum import StrEnum
+
+import numpy as np
+
+from postproc.arrays import FloatArray, IntArray
+from postproc.gap.data import Samples
+from postproc.gap.effect import Effect, Kind, Setting
+from postproc.gap.fit import WIDE, unit_root
+from postproc.gap.posterior.classes import Group
+from postproc.gap.robot_model import columns
+from postproc.records import dataclass
+
+LOG_SCALES = np.linspace(-5.0, 4.0, 19)
+"""Logarithms of group scales over which evidence is summed."""
+CLASS_WIDTH = 1e-4
+"""Usual 3D size [m] of each function of a class that no effect has the formula of."""
+ODDS = {
+    "common": -1.0,
+    "cause": -3.0,
+    "rare": -7.0,
+    "resemblance": -5.0,
+    "class": -8.0,
+    "wander": -3.0,
+}
+"""Logarithm of the odds that a candidate is there: one cause of twenty is in a campaign, a rare one
+in one of a thousand, what every arm has in one of four large enough to be seen; of what has no name
+each single form is seldom."""
+LOW_ORDER = 6
+"""Waves up to this order are tried for each joint."""
+_LOG_WAVES, _LOG_LOW_WAVES = 6.6, 3.4
+"""Logarithm of the joints and orders among which a wave is sought, and of those of low order."""
+
+
+class Sort(StrEnum):
+    """What a candidate is to a diagnosis."""
+
+    FRAME = "frame"
+    """Of a registration: in every model, of fixed width."""
+    CAUSE = "cause"
+    RESEMBLANCE = "resemblance"
+    """An effect that is never named."""
+    CLASS = "class"
+    """A function of something logged that no effect has the formula of."""
+    WANDER = "wander"
+    """Correlated noise."""
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """Columns (n, 3, k) [m] of what may be in a model, for numbers of unit prior.
+
+    key: its own; name: of the effect or class; slot: of two candidates of one slot a model has one
+    at most; family: (k,) 0.. numbers that share a scale; odds: logarithm, before any row; fixed:
+    the scale is 1 whatever the rows say; effect, setting: where it is one; group: where it is a
+    class.
+    """
+
+    key: str
+    name: str
+    sort: Sort
+    slot: str
+    X: FloatArray
+    family: IntArray
+    odds: float
+    effect: Effect | None = None
+    setting: Setting | None = None
+    group: Group | None = None
+
+    @property
+    def fixed(self) -> bool:
+        """Whether its scale is 1 whatever the rows say."""
+        return self.sort is Sort.FRAME
+
+    @property
+    def families(self) -> int:
+        """How many scales it has."""
+        return int(self.family.max()) + 1
+
+
+def families_of(effect: Effect, samples: Samples, setting: Setting) -> IntArray:
+    """Return (p,) the families of an effect's numbers, 0 on."""
+    words = [p.family for p in effect.parameters(samples.arm, setting)]
+    order = list(dict.fromkeys(words))
+    return np.array([order.index(word) for word in words], dtype=np.int32)
+
+
+def of_effect(
+    effect: Effect, samples: Samples, setting: Setting, key: str = "", always: bool = False
+) -> Candidate:
+    """Return the candidate of an effect.
+
+    Args:
+        effect: of the library.
+        samples: rows at the pose that the columns are for.
+        setting: of the effect.
+        key: of the candidate; "": the effect's name.
+        always: a frame of the registration.
+    """
+    X = columns(samples, effect.basis(samples, setting))
+    X = X @ (unit_root(effect, samples.arm, setting) * (WIDE if always else 1.0))
+    if always:
+        sort = Sort.FRAME
+    else:
+        sort = Sort.RESEMBLANCE if effect.kind is Kind.ALTERNATIVE else Sort.CAUSE
+    odds = 0.0 if always else odds_of(effect, setting)
+    key = key or effect.name
+    slot = key if effect.may_be_several else effect.name
+    family = families_of(effect, samples, setting)
+    return Candidate(key, effect.name, sort, slot, X, family, odds, effect, setting)
+
+
+def odds_of(effect: Effect, setting: Setting) -> float:
+    """Return the logarithm of the odds that an effect, in one variant, is there."""
+    sort = Sort.RESEMBLANCE if effect.kind is Kind.ALTERNATIVE else Sort.CAUSE
+    kind = "rare" if effect.is_rare else "common" if effect.is_common else str(sort)
+    odds = ODDS[kind]
+    orders = [n for _, n in setting["waves"]] if effect.periodic else []
+    return odds - (_LOG_LOW_WAVES if min(orders) <= LOW_ORDER else _LOG_WAVES) if orders else odds
+
+
+def of_group(group: Group) -> Candidate:
+    """Return the candidate of a class."""
+    k = group.X.shape[2]
+    key = f"class:{group.kind}:{group.of}:{group.shape}"
+    X = group.X * (CLASS_WIDTH / np.sqrt(k))
+    odds = ODDS["class"] - group.price
+    family = np.zeros(k, dtype=np.int32)
+    return Candidate(key, key, Sort.CLASS, key, X, family, odds, group=group)
+
+
+def wander(parts: Iterable[tuple[str, FloatArray]]) -> list[Candidate]:
+    """Return the candidates of a wander of the readings, of which one may be there.
+
+    Args:
+        parts: key and columns (n, 3, k) of unit size [m].
+    """
+    return [
+        Candidate(
+            key,
+            "wander",
+            Sort.WANDER,
+            "wander",
+            X * 3e-5,
+            np.zeros(X.shape[2], dtype=np.int32),
+            ODDS["wander"],
+        )
+        for key, X in parts
+    ]
+
+
+def log_half_cauchy(log_scale: FloatArray) -> FloatArray:
+    """Return the density of log scales under a half-Cauchy prior of size 1, as a logarithm."""
+    return np.asarray(np.log(2.0 / np.pi) + log_scale - np.log1p(np.exp(2.0 * log_scale)))

@@ -1,0 +1,210 @@
+"""Which candidates are there: sets compared by their evidence, and what all sets together say.
+
+From the best set so far one candidate is added, dropped or exchanged, one is put in the place of
+two; each set that comes near is brought to its own most probable scales and noise. The sets that
+were visited are the posterior: the probability of a name is the sum over sets that hold it, and
+names that stand for each other are those whose sets do.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import field
+
+import numpy as np
+
+from postproc.gap.posterior.evidence import Equations, NoisePrior, Optimum, gains, optimum
+from postproc.gap.posterior.prior import Sort
+from postproc.records import dataclass
+
+Subset = tuple[str, ...]
+Scale = Sequence[tuple[str, float]]
+"""Keys of candidates, each with a log scale."""
+_TRIED = 3
+"""Most promising candidates of a scan that are brought to their own scales."""
+_MOVES = 30
+_NEAR = 12.0
+"""Nats behind the best set up to which a set is looked at closely."""
+TEMPERATURE = 4.0
+"""What differences of evidence are divided by before they count as odds: evidence takes every
+formula for exact, and none is."""
+_ROWS_EACH = 8
+LARGEST = 10
+
+
+@dataclass(slots=True)
+class Search:
+    """Sets visited, each at its optimum; keys beside those of the frames."""
+
+    equations: Equations
+    noise: NoisePrior
+    always: Subset
+    largest: int
+    found: dict[Subset, Optimum]
+    believed: Callable[[Optimum], float]
+    barred: set[str] = field(default_factory=set)
+    """Names that no set may hold any more."""
+    _belief: dict[Subset, float] = field(default_factory=dict)
+
+    def optimum(
+        self, subset: Iterable[str], start: Optimum | None = None, scale: Scale = ()
+    ) -> Optimum:
+        """Return (and keep) a set at its optimum.
+
+        Args:
+            subset: keys.
+            start: another set that it is near to.
+            scale: key and first log scale of a candidate that is not in that.
+        """
+        key = tuple(sorted(subset))
+        if key not in self.found:
+            by_key = self.equations.by_key
+            first = {k: np.full(by_key[k].families, v) for k, v in scale}
+            self.found[key] = optimum(
+                self.equations, (*self.always, *key), self.noise, start, first
+            )
+        return self.found[key]
+
+    def score(self, subset: Iterable[str]) -> float:
+        """Return the log posterior of a visited set [nats], up to a constant."""
+        at = self.found[tuple(sorted(subset))]
+        if at.keys not in self._belief:
+            self._belief[at.keys] = self.believed(at)
+        is_barred = any(self.equations.by_key[k].name in self.barred for k in at.keys)
+        return -np.inf if is_barred else self.worth(at) + self._belief[at.keys]
+
+    def worth(self, at: Optimum) -> float:
+        """Return evidence and prior odds of an optimum."""
+        return at.value + sum(self.equations.by_key[k].odds for k in at.keys)
+
+    @property
+    def best(self) -> Subset:
+        """The most probable set."""
+        return max(self.found, key=lambda s: (self.score(s), s))
+
+    def is_admissible(self, subset: Iterable[str]) -> bool:
+        """Return whether no slot is taken twice, and the rows suffice for so many."""
+        keys = list(subset)
+        slots = [self.equations.by_key[k].slot for k in keys]
+        names = {self.equations.by_key[k].name for k in keys}
+        if not names.isdisjoint(self.barred):
+            return False
+        return len(set(slots)) == len(slots) and len(names) <= self.largest
+
+    def promising(
+        self, base: Subset, at: Optimum, least: float, without: Subset = (), count: int = _TRIED
+    ) -> list[tuple[float, str, float]]:
+        """Return what candidates would make of a set: worth, key, log scale; best first."""
+        here = self.worth(at)
+        found = []
+        for key, (gain, scale) in gains(self.equations, at, self.noise).items():
+            worth = here + gain + self.equations.by_key[key].odds
+            if key in self.always or key in without:
+                continue
+            if worth > least and self.is_admissible((*base, key)):
+                found.append((worth, key, scale))
+        return sorted(found, key=lambda f: (-f[0], f[1]))[:count]
+
+    def inclusion(self) -> dict[str, float]:
+        """Return the probability of each key over the sets visited, tempered."""
+        keys = list(self.found)
+        values = np.array([self.score(k) for k in keys])
+        weight = np.exp((values - values.max()) / TEMPERATURE)
+        weight /= weight.sum()
+        found: dict[str, float] = {}
+        for subset, share in zip(keys, weight, strict=True):
+            for key in subset:
+                found[key] = found.get(key, 0.0) + float(share)
+        return found
+
+
+def search(
+    equations: Equations,
+    noise: NoisePrior,
+    always: Subset = (),
+    starts: Iterable[Subset] = (),
+    believed: Callable[[Optimum], float] = lambda at: 0.0,
+    rows: int = 10**6,
+    near: Optimum | None = None,
+    deep: bool = True,
+) -> Search:
+    """Return the sets near the most probable one.
+
+    Args:
+        equations: products of all candidates.
+        noise: what is known of it.
+        always: keys of the frames.
+        starts: sets to begin with beside the empty one.
+        believed: logarithm of the prior of the signs and shapes of the numbers of an optimum.
+        rows: how many there are.
+        near: a set whose scales and noise are the start of the empty one.
+        deep: look at exchanges, too.
+    """
+    most = int(np.clip(rows // _ROWS_EACH, 1, LARGEST))
+    state = Search(equations, noise, always, most, {}, believed)
+    ends = []
+    for start in ((), *starts):
+        if state.is_admissible(start) and tuple(sorted(start)) not in state.found:
+            state.optimum(start, near)
+            ends.append(climbed(state, tuple(sorted(start))))
+    if deep:
+        explored(state, max(ends, key=state.score))
+    return state
+
+
+def explored(state: Search, here: Subset) -> None:
+    """Look around a visited set, and around any better one that is found."""
+    for _ in range(_MOVES):
+        _look_around(state, here)
+        if state.score(state.best) <= state.score(here) + 1e-6:
+            # what has no name may stand for several causes
+            for key in here:
+                if state.equations.by_key[key].sort in (Sort.CLASS, Sort.RESEMBLANCE):
+                    base = tuple(k for k in here if k != key)
+                    state.optimum(base, state.found[here])
+                    climbed(state, base, (key,))
+        better = state.best
+        if state.score(better) <= state.score(here) + 1e-6:
+            return
+        here = climbed(state, better)
+
+
+def climbed(state: Search, here: Subset, without: Subset = ()) -> Subset:
+    """Add one candidate at a time, but certain ones, as long as that helps."""
+    for _ in range(_MOVES):
+        at = state.found[here]
+        told = state.promising(here, at, state.score(here) - _NEAR, without)
+        tried = [tuple(sorted((*here, key))) for _, key, _ in told]
+        for more, (_, key, scale) in zip(tried, told, strict=True):
+            state.optimum(more, at, ((key, scale),))
+        better = max(tried, key=lambda s: (state.score(s), s), default=here)
+        if state.score(better) <= state.score(here) + 1e-6:
+            return here
+        here = better
+    return here
+
+
+def _look_around(state: Search, here: Subset) -> None:
+    """Look at sets with candidates dropped, one exchanged, or one in the place of two.
+
+    What a candidate would bring is told at the noise that is left without the dropped ones; how far
+    that is off, these themselves tell.
+    """
+    at, top = state.found[here], state.score(here)
+    off = 0.0
+    for size in (1, 2):
+        for gone in itertools.combinations(here, size):
+            base = tuple(k for k in here if k not in gone)
+            keys = (*state.always, *base)
+            held = optimum(state.equations, keys, state.noise, at, held=True)
+            if state.worth(held) > top - _NEAR:
+                state.optimum(base, at)
+            told = state.promising(base, held, -np.inf, count=_TRIED + 1)
+            own = [worth for worth, key, _ in told if key in gone]
+            if size == 1:
+                off = max(off, top - own[0]) if own else off
+            least = (own[0] if own and size == 1 else top - off) - _NEAR
+            for worth, key, scale in told:
+                if key not in gone and worth > least:
+                    state.optimum((*base, key), held, ((key, scale),))
