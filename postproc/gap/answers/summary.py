@@ -94,11 +94,15 @@ def noise_like(content: dict[str, Any]) -> str:
 
 
 def is_ambiguous(content: dict[str, Any]) -> bool:
-    """Return whether a cause is open: a set, a name that is not sure, or a rest without a name."""
-    adopted = [item for item in content["effects"] if item["adopted"]]
-    return content["verdict"] not in ("explained", "no_gap") or any(
-        item["confounded_with"] or item["rival"] or item["probability"] < _SURE for item in adopted
-    )
+    """Return whether a cause is open: a set, one not surely there nor surely not, or a rest."""
+
+    def is_open(item: dict[str, Any]) -> bool:
+        if not item["adopted"]:
+            return bool(item["probability"] > 1.0 - _SURE)
+        return bool(item["confounded_with"] or item["rival"] or item["probability"] < _SURE)
+
+    verdict_is_open = content["verdict"] not in ("explained", "no_gap")
+    return verdict_is_open or any(is_open(item) for item in content["effects"])
 
 
 def _causes(content: dict[str, Any]) -> list[str]:
