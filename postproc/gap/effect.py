@@ -187,7 +187,7 @@ class Effect(ABC):
 
     def joined(self, settings: Sequence[Setting]) -> Setting:
         """Return the setting of several variants together, their numbers one after the other."""
-        raise NotImplementedError(f"{self.name} is one variant at a time")
+        raise TypeError(f"{self.name} is one variant at a time")
 
     def correlation_root(self, setting: Setting) -> FloatArray | None:
         """Return the root (p, p) of the prior's correlation, None where numbers are independent."""
