@@ -13,10 +13,11 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.errors import Finding
+from postproc.ladder import Rule
 from postproc.planning.checks import Checker
 from postproc.planning.route import HOME, Route, route
 from postproc.planning.search import Choice, Parted, PoseSearch, choose, step_rules
-from postproc.planning.states import Chosen, Rule
+from postproc.planning.states import Chosen
 from postproc.progress import Clock
 
 _PATIENCE, _MOST = 3, 10

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from postproc.ladder import Ladder, Rule
 from postproc.planning.checks import Reason
 from postproc.planning.search.between import Interpolation
 from postproc.planning.search.cuts import Judged, Spans
 from postproc.planning.search.failing_cuts import FailingCuts
-from postproc.planning.states import Ladder, Rule
 
 SPACING = 1e-3
 

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from postproc.cell.cell import Workpiece
+from postproc.ladder import NONE
 from postproc.model.toolpath import Arcs, MotionKind
 from postproc.planning.checks import Reason
 from postproc.planning.planner import checker_of, plan
 from postproc.planning.search.between import Interpolation
 from postproc.planning.search.cuts import judge
 from postproc.planning.search.pose_search import PoseSearch
-from postproc.planning.states import NONE, rounded_spin, settle
+from postproc.planning.states import rounded_spin, settle
 from postproc.planning.states.settings import PlanOptions
 from postproc.units import DEG
 from tools.bench.contours import brute_cost, searched_cost

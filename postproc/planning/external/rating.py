@@ -14,12 +14,13 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.cell import Cell
 from postproc.geometry import angle_between
+from postproc.ladder import Rule
 from postproc.model import ToolPath
 from postproc.paths import top_speeds
 from postproc.planning.checks import Checker
 from postproc.planning.external.grid import distinct, grid_step, position_grid
 from postproc.planning.search import arc_length, best_of, spaced, step_rules
-from postproc.planning.states import Problem, Rule, Settings, evaluate, sample
+from postproc.planning.states import Problem, Settings, evaluate, sample
 from postproc.process import feeds_of
 from postproc.records import dataclass
 from postproc.units import DEG

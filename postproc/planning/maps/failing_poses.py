@@ -14,13 +14,7 @@ from postproc.errors import Finding, Severity
 from postproc.model import MotionKind, Plan
 from postproc.planning.maps.tags import at_places
 from postproc.planning.planner import problem_of
-from postproc.planning.states import (
-    PlanOptions,
-    Problem,
-    postures,
-    settle,
-    spin_values,
-)
+from postproc.planning.states import PlanOptions, Problem, postures, settle, spin_values
 from postproc.records import dataclass
 from postproc.units import DEG, MM
 

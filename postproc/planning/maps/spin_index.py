@@ -10,14 +10,7 @@ from postproc.collision import Scene
 from postproc.model import MotionKind, Plan
 from postproc.planning.maps.tags import at_places
 from postproc.planning.planner import problem_of
-from postproc.planning.states import (
-    PlanOptions,
-    Problem,
-    evaluate,
-    postures,
-    settle,
-    spin_values,
-)
+from postproc.planning.states import PlanOptions, Problem, evaluate, postures, settle, spin_values
 from postproc.records import dataclass
 from postproc.units import DEG
 

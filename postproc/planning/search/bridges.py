@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray, members, taken
-from postproc.planning.states import BRANCHES, NONE, Joined, States
+from postproc.ladder import NONE, Joined
+from postproc.planning.states import BRANCHES, States
 from postproc.records import dataclass
 
 NEAR = 0.5 * np.pi

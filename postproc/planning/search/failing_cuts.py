@@ -13,10 +13,10 @@ from dataclasses import field
 import numpy as np
 
 from postproc.arrays import BoolArray, IndexArray
+from postproc.ladder import Ladder
 from postproc.planning.checks import Reason
 from postproc.planning.search.between import Interpolation
 from postproc.planning.search.cuts import Judged, Spans
-from postproc.planning.states import Ladder
 from postproc.records import dataclass
 
 _ALL = 8

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from postproc.arrays import BoolArray, IndexArray
+from postproc.ladder import Failing, Steps
 from postproc.planning.checks import LONG_WAY
 from postproc.planning.search.cuts import judge, probed
-from postproc.planning.search.free_path import Failing, Steps
 from postproc.records import dataclass
 
 if TYPE_CHECKING:

@@ -14,10 +14,9 @@ from dataclasses import field
 import numpy as np
 
 from postproc.arrays import IndexArray
+from postproc.ladder import NONE, Found
 from postproc.planning.search.between import Interpolation
-from postproc.planning.search.free_path import Found
 from postproc.planning.search.pose_search import PoseSearch
-from postproc.planning.states import NONE
 from postproc.records import dataclass
 
 _COARSE, _FINER = 10**6, 2

@@ -15,12 +15,12 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.geometry import angle_between, axis_angle, rotation_angle, turned_between
 from postproc.kinematics import wrapped
+from postproc.ladder import Joined
 from postproc.model import MotionKind
 from postproc.planning.checks import Lines, poses_between
 from postproc.planning.states import (
     BETWEEN,
     BRANCHES,
-    Joined,
     Problem,
     States,
     leaves_tilt_range,

@@ -8,12 +8,13 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.errors import Finding, Severity
+from postproc.ladder import NONE, Rule
 from postproc.planning.checks import Checker
 from postproc.planning.search.between import Interpolation
 from postproc.planning.search.keytags import spaced
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.search.rungs import Wish
-from postproc.planning.states import NONE, Chosen, Problem, Rule, Weights, evaluate
+from postproc.planning.states import Chosen, Problem, Weights, evaluate
 from postproc.records import dataclass
 
 _WORTH = 0.98

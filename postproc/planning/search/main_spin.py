@@ -14,10 +14,10 @@ import numpy as np
 from postproc.arrays import FloatArray, IndexArray
 from postproc.geometry import twist_about
 from postproc.kinematics import wrapped
-from postproc.planning.search.free_path import Found
+from postproc.ladder import NONE, Found
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.search.rungs import STEADY_BAND
-from postproc.planning.states import NONE, Placement
+from postproc.planning.states import Placement
 from postproc.units import DEG
 
 _FULL_TURN = 2.0 * np.pi

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IndexArray, numbered
+from postproc.ladder import NONE, Found, Ladder, Rule, free_path
 from postproc.planning.checks import Checker, Evidence, Reason
 from postproc.planning.search.between import Interpolation
 from postproc.planning.search.breaks import break_at
@@ -18,7 +19,6 @@ from postproc.planning.search.cuts import Spans, fill, judge
 from postproc.planning.search.edges import Edges
 from postproc.planning.search.failing_cuts import SHORT, FailingCuts
 from postproc.planning.search.fans import fan
-from postproc.planning.search.free_path import Found, free_path
 from postproc.planning.search.rungs import (
     STUCK,
     Parted,
@@ -28,16 +28,7 @@ from postproc.planning.search.rungs import (
     ladder_of,
     states_on,
 )
-from postproc.planning.states import (
-    NONE,
-    Chosen,
-    Ladder,
-    Rule,
-    States,
-    beside_in_grid,
-    entered_anew,
-    merged,
-)
+from postproc.planning.states import Chosen, States, beside_in_grid, entered_anew, merged
 from postproc.records import dataclass
 
 _WIDEST = 8

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IndexArray
 from postproc.geometry import angle_between
 from postproc.kinematics import wrapped
+from postproc.ladder import NONE, Ladder, Rule, Tolls
 from postproc.planning.checks import Reason
 from postproc.planning.route import ON_THE_SPOT
 from postproc.planning.search.between import Interpolation
@@ -19,14 +20,10 @@ from postproc.planning.search.keytags import arc_length
 from postproc.planning.search.leaning import Leans
 from postproc.planning.states import (
     BRANCHES,
-    NONE,
     TRAVEL_UNIT,
     Chosen,
-    Ladder,
     Problem,
-    Rule,
     States,
-    Tolls,
     cut_into,
     sample_on,
 )

@@ -19,10 +19,10 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray
 from postproc.cell import Preset, Strategy
 from postproc.errors import Finding, Severity
+from postproc.ladder import Found
 from postproc.planning.checks import Checker, explained, gave_up
 from postproc.planning.route import has_ways
 from postproc.planning.search.between import Interpolation
-from postproc.planning.search.free_path import Found
 from postproc.planning.search.growth import Growth
 from postproc.planning.search.keytags import dense_key_tags, key_tags, stretches
 from postproc.planning.search.loss import (

@@ -10,8 +10,6 @@ from postproc.planning.states.costs import (
     Weights,
 )
 from postproc.planning.states.given import strokes_into, take_joints
-from postproc.planning.states.graph import NONE, Joined, Rule, Tolls
-from postproc.planning.states.ladder import Ladder
 from postproc.planning.states.merge import merged, sample_on
 from postproc.planning.states.moves import Chosen, Moves, in_order, moves
 from postproc.planning.states.place import (
@@ -49,7 +47,6 @@ from postproc.planning.states.tilt import (
 __all__ = [
     "BETWEEN",
     "BRANCHES",
-    "NONE",
     "NO_POSE",
     "OBJECTIVES",
     "REENTRY",
@@ -58,21 +55,17 @@ __all__ = [
     "UPRIGHT",
     "Chosen",
     "Compliance",
-    "Joined",
-    "Ladder",
     "Moves",
     "Objective",
     "Placement",
     "PlanOptions",
     "Postures",
     "Problem",
-    "Rule",
     "Settings",
     "StateContext",
     "States",
     "StrokeEnds",
     "Strokes",
-    "Tolls",
     "Weights",
     "beside_in_grid",
     "context_of",

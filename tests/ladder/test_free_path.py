@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from postproc.planning.search.free_path import free_path
-from postproc.planning.states import NONE, Ladder
-from tests.planning.test_ladder import random_ladder
+from postproc.ladder import NONE, Ladder, free_path
+from tests.ladder.test_ladder import random_ladder
 
 
 def copy(ladder):

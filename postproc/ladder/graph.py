@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IndexArray, taken
-from postproc.planning.states.listed import Listed
+from postproc.ladder.listed import Listed
 from postproc.records import dataclass
 
 NONE = -1

@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray, members, taken
-from postproc.planning.states.graph import CHAIN, NONE, Graph, Joined
-from postproc.planning.states.listed import Listed
+from postproc.ladder.graph import CHAIN, NONE, Graph, Joined
+from postproc.ladder.listed import Listed
 from postproc.records import dataclass
 
 WIDE = 4_000_000

@@ -15,7 +15,8 @@ from functools import partial
 import numpy as np
 
 from postproc.arrays import BoolArray, IndexArray, members
-from postproc.planning.states import NONE, Ladder
+from postproc.ladder.graph import NONE
+from postproc.ladder.ladder import Ladder
 from postproc.records import dataclass
 
 CheckStates = Callable[[IndexArray], BoolArray]

@@ -8,8 +8,8 @@ import networkx as nx
 import numpy as np
 import pytest
 
-from postproc.planning.states import NONE, Joined, Ladder, Rule, Tolls
-from postproc.planning.states import ladder as ladder_module
+from postproc.ladder import NONE, Joined, Ladder, Rule, Tolls
+from postproc.ladder import ladder as ladder_module
 
 
 def random_ladder(rng, rungs, most, dead=0.15, chain=0.5, least=1, width=2.5):

@@ -1,0 +1,17 @@
+"""The cheapest way through a graph of rungs, checked as little as possible; knows no robot."""
+
+from postproc.ladder.free_path import Failing, Found, Steps, free_path
+from postproc.ladder.graph import NONE, Joined, Rule, Tolls
+from postproc.ladder.ladder import Ladder
+
+__all__ = [
+    "NONE",
+    "Failing",
+    "Found",
+    "Joined",
+    "Ladder",
+    "Rule",
+    "Steps",
+    "Tolls",
+    "free_path",
+]
