@@ -6,62 +6,107 @@
 >>> job.good, job.findings                                        # doctest: +SKIP
 """
 
+import sys
 from importlib import import_module
+from types import ModuleType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from postproc.api import (
+        BatchOutcome,
         Cell,
+        CellCheck,
+        CellDraft,
         DiagnosisJob,
         DiffReport,
+        Entry,
         Finding,
         IdentifyJob,
+        Inspection,
         Job,
+        MeasuringPlan,
         ModelFile,
         PostprocError,
         Prediction,
         Severity,
+        SpinStiffness,
         ToolPath,
         VerifyReport,
+        batch,
+        check,
         convert,
         diagnose,
         diff,
+        explain,
+        holes,
         identify,
+        inspect,
         lint,
         load_cell,
         load_model,
+        new_cell,
         predict,
         read,
+        robots,
+        sample,
+        stiffness,
         verify,
     )
 
 from postproc.version import __version__
 
 __all__ = [
+    "BatchOutcome",
     "Cell",
+    "CellCheck",
+    "CellDraft",
     "DiagnosisJob",
     "DiffReport",
+    "Entry",
     "Finding",
     "IdentifyJob",
+    "Inspection",
     "Job",
+    "MeasuringPlan",
     "ModelFile",
     "PostprocError",
     "Prediction",
     "Severity",
+    "SpinStiffness",
     "ToolPath",
     "VerifyReport",
     "__version__",
+    "batch",
+    "check",
     "convert",
     "diagnose",
     "diff",
+    "explain",
+    "holes",
     "identify",
+    "inspect",
     "lint",
     "load_cell",
     "load_model",
+    "new_cell",
     "predict",
     "read",
+    "robots",
+    "sample",
+    "stiffness",
     "verify",
 ]
+
+
+class _Names(ModuleType):
+    """The package; rooms that are called as a public name do not take its place when imported."""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if not (name in __all__ and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Names
 
 
 def __getattr__(name: str) -> object:

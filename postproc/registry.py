@@ -74,6 +74,21 @@ class Registry(Generic[T]):
 
         return add
 
+    def lend(self, part: T, name: str) -> str:
+        """Register a part of the caller's own for this process, and return the name it got.
+
+        The same part has the same name again; where another one has the name, a number follows.
+        """
+        self._load()
+        own, number = name, 1
+        while own in self._parts and self._parts[own] != part:
+            number += 1
+            own = f"{name}_{number}"
+        if own not in self._parts:
+            self._add(own, part)
+            self._infos.append(PluginInfo(self.group, own, "this program", _own_version()))
+        return own
+
     def get(self, name: str) -> T:
         """Return the part of this name.
 

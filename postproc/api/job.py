@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from postproc.cell import Cell
+from postproc.api.cells import Cell, cell_of
 from postproc.errors import Finding
 from postproc.geometry import kuka_from_transform
 from postproc.jobs.convert import Conversion, document, land
@@ -55,7 +55,7 @@ class Job(Paged):
     @property
     def cell(self) -> Cell:
         """The cell with the choices of this call."""
-        return self._conversion.cell
+        return cell_of(self._conversion.cell)
 
     @property
     def part(self) -> ToolPath:

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from postproc.api.programs import Source, load_cell, load_model, read
-from postproc.cell import Cell
+from postproc.api.cells import Cell, Source, cell_of
+from postproc.api.parts import load_model, read
+from postproc.cell import Cell as CellValues
 from postproc.gap import Prediction
 from postproc.jobs.diagnose import DiagnosisJob
 from postproc.jobs.diagnose import diagnose as diagnose_campaign
@@ -97,7 +98,7 @@ def diagnose(
         CellError: CEL015 if the cell has several tools and none is named.
         DataError: if a file is wrong or lacks a column.
     """
-    known = _cell(cell, tool)
+    known = cell_of(_cell(cell, tool))
     files, earlier = _files(measurements), _files(before)
     part = read(program, known) if isinstance(program, Source) else program
     return diagnose_campaign(files, known, _model(model), register, part, progress, earlier)
@@ -134,9 +135,8 @@ def predict(
     return predict_rows(measurements, _cell(cell, tool), _model(model), register)[0]
 
 
-def _cell(cell: Cell | Source, tool: int | None) -> Cell:
-    known = cell if isinstance(cell, Cell) else load_cell(cell)
-    return known.for_tool(tool)
+def _cell(cell: Cell | Source, tool: int | None) -> CellValues:
+    return cell_of(cell).for_tool(tool)
 
 
 def _model(model: ModelFile | Source | None) -> ModelFile | None:

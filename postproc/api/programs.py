@@ -3,118 +3,31 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
+from postproc.api.cells import Cell, Source, cell_of
 from postproc.api.job import Job
-from postproc.cell import Cell, shared_cell
+from postproc.api.parts import load_model, read
+from postproc.arrays import FloatArray
+from postproc.batch import BatchOptions, BatchOutcome, call_of, run_batch
 from postproc.comparison import DiffReport, DiffTolerance
 from postproc.comparison import diff as diff_programs
+from postproc.emitters import EMITTERS, Emitter
 from postproc.errors import Finding, UsageError
-from postproc.jobs.convert import ConvertRequest, read_toolpath
+from postproc.jobs.convert import ConvertRequest
 from postproc.jobs.convert import convert as convert_part
 from postproc.jobs.lint import lint as lint_programs
+from postproc.jobs.stiffness import SpinStiffness
+from postproc.jobs.stiffness import stiffness as spin_stiffness
 from postproc.jobs.verify import verify as verify_part
 from postproc.krl import LintOptions
-from postproc.model import ModelFile, ToolPath
-from postproc.model import load_model as load_model_file
+from postproc.model import ToolPath
+from postproc.planning import OBJECTIVES, Objective, StateContext
 from postproc.progress import Progress
 from postproc.units import DEG, MM
 from postproc.verification import Tolerances, VerifyReport
-
-Source = str | Path
-"""A path, as text or as ``Path``."""
-
-
-def load_cell(path: Source) -> Cell:
-    """Return the cell of a ``cell.toml``; the same object until one of its files changes.
-
-    Args:
-        path: the cell file.
-
-    Returns:
-        The cell, read-only.
-
-    Raises:
-        CellError: if the file or something that it names is wrong.
-        ReadError: if the file is missing.
-    """
-    return shared_cell(str(path))
-
-
-def load_model(path: Source) -> ModelFile:
-    """Return what a ``model.toml`` knows of an arm beyond its nominal geometry.
-
-    Args:
-        path: the model file.
-
-    Returns:
-        Its effects and its registration.
-
-    Raises:
-        DataError: if the file is wrong.
-    """
-    return load_model_file(str(path))
-
-
-def read(
-    path: Source,
-    cell: Cell,
-    *,
-    format: str | None = None,
-    dialect: str | None = None,
-    units: str | None = None,
-    columns: str | None = None,
-    cycle_words: str | None = None,
-    feed_units: str | None = None,
-    arc_sense: str | None = None,
-    task: str | None = None,
-    accept_words: Sequence[str] | str = (),
-    recover: bool = False,
-) -> ToolPath:
-    """Return the toolpath of a CAM file, in the CAM file's own coordinates.
-
-    What is left open is read as ``[import]`` of the cell says.
-
-    Args:
-        path: APT/CL, CSV or DELMIA file, or whatever a registered reader reads.
-        cell: tells the tool axis, and the surface where a CSV gives no normals.
-        format: ``auto`` or the name of a reader; None: the cell's, else ``auto``.
-        dialect: APT dialect: ``nx``, ``solidworks``, ``creo``, ``catia``, ``camworks``, ``fusion``,
-            ``hsmworks``, ``mfgsuite``, ``camplete``, ``manusnc``, ``postworks``, ``surfcam``,
-            ``apt``.
-        units: ``mm`` or ``inch`` where the file names none.
-        columns: columns of a CSV, such as ``id,x,y,z,i,j,k,-,depth``.
-        cycle_words: meaning of the numbers of a positional drill cycle: ``depth,clearance,feed``.
-        feed_units: ``mm`` or ``inch`` per minute where FEDRAT and UNITS contradict each other.
-        arc_sense: ``ccw`` or ``cw`` about their vector, for arcs whose records leave it open.
-        task: DELMIA task to read instead of all that no other one calls.
-        accept_words: words of the file that are harmless, besides those that the cell accepts; a
-            text has commas between.
-        recover: mend faults that have one possible meaning; each is listed in ``recovered``.
-
-    Returns:
-        Tags with their source lines, in SI.
-
-    Raises:
-        ReadError: if the file cannot be read as its format.
-        UsageError: if an option is wrong.
-    """
-    request = ConvertRequest(
-        source=str(path),
-        cell=cell.path,
-        format=format,
-        dialect=dialect,
-        units=units,
-        columns=columns,
-        cycle_words=cycle_words,
-        feed_units=feed_units,
-        arc_sense=arc_sense,
-        task=task,
-        accept_words=accept_words if isinstance(accept_words, str) else tuple(accept_words),
-        recover=recover,
-    )
-    return read_toolpath(request, cell)
 
 
 def convert(
@@ -123,9 +36,9 @@ def convert(
     *,
     name: str | None = None,
     strategy: str | None = None,
-    objective: str | None = None,
+    objective: str | Objective | Callable[[StateContext], FloatArray] | None = None,
     preset: str | None = None,
-    emitter: str | None = None,
+    emitter: str | Emitter | None = None,
     model: Source | None = None,
     pins: Source | None = None,
     partial: bool = False,
@@ -139,9 +52,10 @@ def convert(
         cell: a cell of ``load_cell``, or a file.
         name: program name; None: that of the input file.
         strategy: ``global``, ``smooth`` or ``each``; None: the cell's.
-        objective: name of a registered objective; None: the cell's.
+        objective: name of a registered objective, or a function of states that returns a cost for
+            each (N,), lower is better; None: the cell's.
         preset: ``stiffest``, ``balanced`` or ``fastest``; None: the cell's.
-        emitter: name of a registered emitter; None: the cell's.
+        emitter: name of a registered emitter, or an emitter of your own; None: the cell's.
         model: model file of the arm, to compensate what it predicts.
         pins: CSV of spins that tags must have (``tag,spin_deg``).
         partial: keep the good stretches although tags fail.
@@ -155,15 +69,15 @@ def convert(
         PostprocError: if the input, the cell or an option is wrong. A tag that cannot be run is no
             error of the call: it is a finding of the job.
     """
-    known = cell if isinstance(cell, Cell) else load_cell(cell)
+    known = cell_of(cell)
     toolpath = part if isinstance(part, ToolPath) else read(part, known)
     request = ConvertRequest(
         source=toolpath.path,
         cell=known.path,
         name=name,
-        emitter=emitter,
+        emitter=_emitter_name(emitter),
         strategy=strategy,
-        objective=objective,
+        objective=_objective_name(objective),
         preset=preset,
         model=None if model is None else str(model),
         pins=None if pins is None else str(pins),
@@ -171,6 +85,127 @@ def convert(
         trade=trade,
     )
     return Job(convert_part(request, progress, toolpath, known))
+
+
+def _objective_name(
+    objective: str | Objective | Callable[[StateContext], FloatArray] | None,
+) -> str | None:
+    if objective is None or isinstance(objective, str):
+        return objective
+    part = objective if isinstance(objective, Objective) else Objective(objective)
+    return OBJECTIVES.lend(part, getattr(part.function, "__name__", "objective"))
+
+
+def _emitter_name(emitter: str | Emitter | None) -> str | None:
+    if emitter is None or isinstance(emitter, str):
+        return emitter
+    return EMITTERS.lend(emitter, type(emitter).__name__)
+
+
+def batch(
+    inputs: Source | Sequence[Source],
+    cell: Source | None,
+    output: Source,
+    *,
+    config: Source | None = None,
+    jobs: int | None = None,
+    dask: str | None = None,
+    split: str | None = None,
+    strategy: str | None = None,
+    objective: str | None = None,
+    preset: str | None = None,
+    emitter: str | None = None,
+    model: Source | None = None,
+    timeout_s: float | None = None,
+    memory_GiB: float | None = None,
+    force: bool = False,
+    prune: bool = False,
+    progress: Callable[[int, int, int], None] | None = None,
+    **reading: Any,  # noqa: ANN401 - as of ``read``
+) -> BatchOutcome:
+    """Convert many inputs into a folder; a second call redoes only what changed or failed.
+
+    A script that runs workers begins with ``if __name__ == "__main__":``.
+
+    Args:
+        inputs: files, folders, globs, ``@LIST``.
+        cell: cell file; None where ``config`` names it.
+        output: folder of the programs and of ``manifest.json``.
+        config: ``batch.toml``, options per input.
+        jobs: worker processes; None: one per core.
+        dask: address of a Dask cluster to run on instead.
+        split: ``region:MM``, ``count:N`` or ``operation``: cut large inputs.
+        strategy: as of ``convert``.
+        objective: name of a registered objective; workers do not know functions of a script.
+        preset: as of ``convert``.
+        emitter: name of a registered emitter.
+        model: as of ``convert``.
+        timeout_s: for each input.
+        memory_GiB: for each worker.
+        force: redo everything.
+        prune: remove outputs whose input is gone.
+        progress: called with (done, of how many, how many of them failed).
+        reading: how the inputs are read, as of ``read``.
+
+    Returns:
+        What was done: ``good``, ``done``, ``kept``, ``bad``, ``document()``.
+
+    Raises:
+        DataError: if inputs or options are wrong, or another batch holds the folder.
+        UsageError: BAT004 without a cell.
+    """
+    base = ConvertRequest(
+        source="",
+        cell="" if cell is None else str(cell),
+        emitter=emitter,
+        strategy=strategy,
+        objective=objective,
+        preset=preset,
+        model=None if model is None else str(model),
+        **reading,
+    )
+    options = BatchOptions(jobs, dask, force, prune, timeout_s, memory_GiB, split)
+    given = [inputs] if isinstance(inputs, Source) else inputs
+    called = None if config is None else str(config)
+    todo, _ = call_of([str(each) for each in given], base, options, called)
+    return run_batch(todo, Path(output), options, progress)
+
+
+def stiffness(
+    part: ToolPath | Source,
+    cell: Cell | Source,
+    *,
+    model: Source | None = None,
+    tags: Sequence[str] | None = None,
+    step_deg: float | None = None,
+    most: int = 24,
+) -> SpinStiffness:
+    """Return the stiffness of tags over the rotation about the tool axis.
+
+    Args:
+        part: a toolpath of ``read``, or a file.
+        cell: a cell of ``load_cell``, or a file.
+        model: model file whose joint stiffness counts instead of the cell's.
+        tags: names; None: key tags.
+        step_deg: of the rotation; None: the cell's.
+        most: how many key tags.
+
+    Returns:
+        ``good``, ``curves``, ``document``, ``report(file)``.
+
+    Raises:
+        CellError: PLN208 without joint stiffness.
+        DataError: MOD008 if the model has none; STF027 for a tag that is not there.
+    """
+    known = cell_of(cell)
+    return spin_stiffness(
+        part if isinstance(part, ToolPath) else read(part, known),
+        known,
+        model=None if model is None else str(model),
+        tags=None if tags is None else ",".join(tags),
+        step=None if step_deg is None else step_deg * DEG,
+        most=most,
+    )
 
 
 def verify(
@@ -206,7 +241,7 @@ def verify(
         KrlError: if a file is no KRL that could run.
         ReadError: if a file is missing.
     """
-    known = cell if isinstance(cell, Cell) else load_cell(cell)
+    known = cell_of(cell)
     if model is not None and against is None:
         raise UsageError("VER002", "a model needs a CAM file: the real tool is compared with it")
     toolpath = against

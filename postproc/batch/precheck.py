@@ -4,8 +4,36 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from postproc.batch.jobs import Job
+from postproc.batch.jobs import Job, Overrides, find_inputs, load_overrides, make_jobs
+from postproc.batch.run import BatchOptions
+from postproc.batch.sections import parse_rule
 from postproc.errors import PostprocError, UsageError
+from postproc.jobs.convert import ConvertRequest
+
+
+def call_of(
+    inputs: Sequence[str], base: ConvertRequest, options: BatchOptions, config: str | None = None
+) -> tuple[list[Job], list[str]]:
+    """Return the jobs of a call that can give programs, and remarks on its options.
+
+    Args:
+        inputs: files, folders, globs, ``@LIST``.
+        base: cell and options of all inputs.
+        options: of the run.
+        config: ``batch.toml``.
+
+    Raises:
+        DataError: BAT001 to BAT006 if inputs or options are wrong.
+        UsageError: as ``require_call``.
+    """
+    overrides = load_overrides(config) if config else Overrides({})
+    sources = find_inputs(inputs)
+    jobs = make_jobs(sources, base, overrides)
+    if options.split:
+        parse_rule(options.split)
+    require_call(jobs)
+    unused = overrides.unused(sources)
+    return jobs, [f"{config}:1: warning BAT005: match = {p!r}: no such input" for p in unused]
 
 
 def require_call(jobs: Sequence[Job]) -> None:

@@ -29,9 +29,9 @@ _CODE = re.compile(r"warning ([\w-]+):")
 
 @dataclass(frozen=True, slots=True)
 class BatchOptions:
-    """How a batch runs; None means no limit."""
+    """How a batch runs; None means no limit, and a worker for each core."""
 
-    workers: int = 1
+    workers: int | None = None
     dask: str | None = None
     force: bool = False
     prune: bool = False
@@ -154,13 +154,21 @@ def _convert(
         progress(len(outcome.done) + len(work.broken), total, failed)
 
 
+def cores() -> int:
+    """Return how many cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
 def execute(jobs: list[Job], options: BatchOptions) -> Iterator[JobResult]:
     """Return the results of jobs as they come."""
     if not jobs:
         return iter(())
     if options.dask:
         return run_dask(jobs, options.dask, options.timeout, options.memory)
-    return run_local(jobs, options.workers, options.timeout, options.memory)
+    workers = options.workers or cores()
+    return run_local(jobs, workers, options.timeout, options.memory)
 
 
 def called(caller: Caller, programs: list[str]) -> JobResult:

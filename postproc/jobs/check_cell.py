@@ -25,6 +25,7 @@ from postproc.emitters import emitter_of
 from postproc.errors import CellError, EmitError, Finding, Severity, SourceRef
 from postproc.geometry import across, inverse, kuka_from_transform, rotation_about, transform
 from postproc.jobs.arm_doubts import arm_doubts
+from postproc.jobs.paged import Paged
 from postproc.jobs.solid_doubts import size_findings
 from postproc.kinematics import Kinematics, build, is_coaxial_with_axis_6, wrist_distance
 from postproc.planning import PlanOptions, free_posture, settle
@@ -39,22 +40,84 @@ _Entry = TypeVar("_Entry", Tool, Workpiece)
 _STRAIGHT_IN = ("+x", "-x", "+y", "-y", "+z", "-z")
 
 
-@dataclass(frozen=True, slots=True)
-class CellCheck:
-    """A loaded cell with what was found: an error makes the answer bad."""
+class CellCheck(Paged):
+    """A loaded cell with what was found: an error makes the answer bad.
 
-    cell: Cell
-    facts: dict[str, Any]
-    findings: tuple[Finding, ...]
+    ``backup``: what a controller was compared in, for the document; None: with none.
+    """
+
+    def __init__(
+        self,
+        cell: Cell,
+        facts: dict[str, Any],
+        findings: Sequence[Finding],
+        backup: dict[str, Any] | None = None,
+    ) -> None:
+        order = list(Severity)
+        self.cell, self.facts, self._backup = cell, facts, backup
+        self.findings = tuple(
+            sorted(
+                findings,
+                key=lambda i: (order.index(i.severity), i.source.line if i.source else 0),
+            )
+        )
 
     @property
-    def is_good(self) -> bool:
+    def good(self) -> bool:
         """Whether no finding is an error."""
         return not any(finding.severity is Severity.ERROR for finding in self.findings)
 
-    def with_findings(self, more: Sequence[Finding]) -> CellCheck:
-        """Return the check with further findings, in order of severity and line."""
-        return replace(self, findings=_in_order([*self.findings, *more]))
+    @property
+    def document(self) -> dict[str, Any]:
+        """The ``postproc.check/1`` document, as ``check --json`` prints it."""
+        return {
+            "schema": "postproc.check/1",
+            "ok": self.good,
+            **self.facts,
+            **({} if self._backup is None else {"backup": self._backup}),
+            "findings": [
+                {
+                    "severity": str(finding.severity),
+                    "code": finding.code,
+                    "line": finding.source.line if finding.source else None,
+                    "text": finding.message,
+                }
+                for finding in self.findings
+            ],
+        }
+
+    def page(self) -> bytes:
+        """Return the page that draws the cell: one HTML file that opens offline."""
+        from postproc.jobs.pages import page_of_cell
+
+        return page_of_cell(self)
+
+
+def checked(cell: Cell, backup: str | None = None) -> CellCheck:
+    """Return what a loaded cell is and what is wrong with it, also against a controller.
+
+    Raises:
+        CellError: if a mesh file is broken or the robot's geometry cannot be used.
+        ReadError: BAK001 to BAK007 if the backup cannot be used.
+    """
+    found = check_cell(cell)
+    if backup is None:
+        return found
+    from postproc.jobs.controller_backup import compare_backup
+
+    comparison, different = compare_backup(cell, backup)
+    differences = [
+        {
+            "key": difference.key,
+            "cell": difference.cell,
+            "controller": difference.controller,
+            "severity": str(difference.severity),
+            "text": difference.text,
+        }
+        for difference in comparison.differences
+    ]
+    counted = {"compared": comparison.compared, "differences": differences}
+    return CellCheck(cell, found.facts, [*found.findings, *different], counted)
 
 
 def check_cell(cell: Cell) -> CellCheck:
@@ -68,14 +131,7 @@ def check_cell(cell: Cell) -> CellCheck:
     toml = cell_toml(cell)
     context = _Context(cell, kinematics, toml, tuple(reachable))
     findings = [finding for check in _CHECKS for finding in check(context)]
-    return CellCheck(cell, _facts(context), _in_order(findings))
-
-
-def _in_order(findings: Sequence[Finding]) -> tuple[Finding, ...]:
-    order = list(Severity)
-    return tuple(
-        sorted(findings, key=lambda i: (order.index(i.severity), i.source.line if i.source else 0))
-    )
+    return CellCheck(cell, _facts(context), findings)
 
 
 @dataclass(frozen=True, slots=True)

@@ -105,6 +105,12 @@ class ConvertRequest:
     trade: bool = False
     """Plan with the other presets too, to compare."""
 
+    def __post_init__(self) -> None:
+        """Take words in a text with commas between: the same words are the same request."""
+        if isinstance(self.accept_words, str):
+            words = tuple(word for word in self.accept_words.split(",") if word)
+            object.__setattr__(self, "accept_words", words)
+
 
 @dataclass(frozen=True, slots=True)
 class Conversion:
@@ -207,7 +213,6 @@ def read_toolpath(request: ConvertRequest, cell: Cell) -> ToolPath:
     accepts are accepted.
     """
     habits = cell.reading
-    given = ReadOptions(accept_words=request.accept_words).accepted_words
     options = ReadOptions(
         units=request.units or habits.units,
         dialect=request.dialect or habits.dialect,
@@ -217,7 +222,7 @@ def read_toolpath(request: ConvertRequest, cell: Cell) -> ToolPath:
         cycle_words=request.cycle_words or habits.cycle_words,
         feed_units=request.feed_units or habits.feed_units,
         arc_sense=request.arc_sense or habits.arc_sense,
-        accept_words=(*habits.accept_words, *given),
+        accept_words=(*habits.accept_words, *request.accept_words),
         tool_axis=tuple(float(v) for v in _known_axis(cell)),
         surface_normals=_surface_normals(cell),
     )

@@ -10,6 +10,7 @@ import numpy as np
 from postproc.arrays import IndexArray
 from postproc.cell import Cell
 from postproc.errors import DataError, Finding, SourceRef
+from postproc.jobs.paged import Paged
 from postproc.model import ToolPath, load_model
 from postproc.planning import INDICES, SpinCurves, spin_curves, spin_degrees
 from postproc.process import claimed, word_findings
@@ -18,8 +19,8 @@ from postproc.stiffness import describe
 from postproc.units import N_PER_MM
 
 
-@dataclass(frozen=True, slots=True)
-class SpinStiffness:
+@dataclass(frozen=True)
+class SpinStiffness(Paged):
     """Curves of a toolpath's tags, what joint stiffness they rest on in words, and findings."""
 
     toolpath: ToolPath
@@ -32,6 +33,49 @@ class SpinStiffness:
         """Whether every tag can be run at some rotation, and nothing forbids the toolpath."""
         can = bool((self.curves.best("axial") >= 0).all())
         return can and not any(finding.is_error for finding in self.findings)
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """The ``postproc.stiffness/1`` document, as ``stiffness --json`` prints it."""
+        curves = self.curves
+        degrees = spin_degrees(curves)
+        tags = []
+        for row, name in enumerate(curves.names):
+            best: dict[str, Any] = {}
+            values: dict[str, Any] = {}
+            for index in INDICES:
+                at = int(curves.best(index)[row])
+                k = curves.values[index][row] / N_PER_MM
+                best[index] = (
+                    None if at < 0 else {"spin_deg": float(degrees[at]), "N_per_mm": float(k[at])}
+                )
+                values[index] = [float(v) if np.isfinite(v) else None for v in k]
+            tags.append(
+                {
+                    "tag": int(curves.tags[row]),
+                    "name": name,
+                    "tool": curves.tools[row],
+                    "branch": int(curves.branch[row]),
+                    "best": best,
+                    "N_per_mm": values,
+                    "can_be_run": (
+                        np.isfinite(curves.values["axial"][row]) & ~curves.blocked[row]
+                    ).tolist(),
+                }
+            )
+        return {
+            "schema": "postproc.stiffness/1",
+            "joint_stiffness": self.words,
+            "coaxial": bool(curves.coaxial.all()),
+            "spins_deg": degrees.tolist(),
+            "tags": tags,
+        }
+
+    def page(self) -> bytes:
+        """Return the page with the curves: one HTML file that opens offline."""
+        from postproc.report.pages.stiffness import stiffness_page
+
+        return stiffness_page(self.curves, self.toolpath.name, self.words)
 
 
 def stiffness(
@@ -90,40 +134,3 @@ def _tags(text: str | None, toolpath: ToolPath) -> IndexArray | None:
             hint=f"the first ones are {', '.join(list(names)[:5])}",
         )
     return np.array([names[name] for name in wanted])
-
-
-def document(found: SpinStiffness) -> dict[str, Any]:
-    """Return the ``postproc.stiffness/1`` document."""
-    curves = found.curves
-    degrees = spin_degrees(curves)
-    tags = []
-    for row, name in enumerate(curves.names):
-        best: dict[str, Any] = {}
-        values: dict[str, Any] = {}
-        for index in INDICES:
-            at = int(curves.best(index)[row])
-            k = curves.values[index][row] / N_PER_MM
-            best[index] = (
-                None if at < 0 else {"spin_deg": float(degrees[at]), "N_per_mm": float(k[at])}
-            )
-            values[index] = [float(v) if np.isfinite(v) else None for v in k]
-        tags.append(
-            {
-                "tag": int(curves.tags[row]),
-                "name": name,
-                "tool": curves.tools[row],
-                "branch": int(curves.branch[row]),
-                "best": best,
-                "N_per_mm": values,
-                "can_be_run": (
-                    np.isfinite(curves.values["axial"][row]) & ~curves.blocked[row]
-                ).tolist(),
-            }
-        )
-    return {
-        "schema": "postproc.stiffness/1",
-        "joint_stiffness": found.words,
-        "coaxial": bool(curves.coaxial.all()),
-        "spins_deg": degrees.tolist(),
-        "tags": tags,
-    }

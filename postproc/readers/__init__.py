@@ -9,7 +9,7 @@ from postproc.readers.base import (
     SurfaceNormals,
     read,
 )
-from postproc.readers.csv import read_pins
+from postproc.readers.csv import holes_of, read_pins
 
 __all__ = [
     "HEAD_BYTES",
@@ -18,6 +18,7 @@ __all__ = [
     "ReadOptions",
     "Reader",
     "SurfaceNormals",
+    "holes_of",
     "read",
     "read_pins",
 ]

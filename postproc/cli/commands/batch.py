@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -67,18 +66,9 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     failed. One bad input never stops the others. With --check nothing is written and the exit
     code is 1 when a program in DIR is not what would be made now.
     """
-    from postproc.batch import (
-        BatchOptions,
-        Overrides,
-        find_inputs,
-        load_overrides,
-        make_jobs,
-        parse_rule,
-        require_call,
-    )
+    from postproc.batch import BatchOptions, call_of
     from postproc.jobs.convert import ConvertRequest
 
-    overrides = load_overrides(options["config"]) if options["config"] else Overrides({})
     base = ConvertRequest(
         source="",
         cell=options["cell"] or "",
@@ -89,10 +79,8 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         preset=options["preset"],
         model=options["model"],
     )
-    sources = find_inputs(options["inputs"])
-    jobs = make_jobs(sources, base, overrides)
     limits = BatchOptions(
-        workers=options["jobs"] or len(os.sched_getaffinity(0)),
+        workers=options["jobs"],
         dask=options["dask"],
         force=options["force"],
         prune=options["prune"],
@@ -100,11 +88,9 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         memory=options["memory"],
         split=options["split"],
     )
-    if limits.split:
-        parse_rule(limits.split)
-    require_call(jobs)
-    for pattern in overrides.unused(sources):
-        session.say(f"{options['config']}:1: warning BAT005: match = {pattern!r}: no such input")
+    jobs, remarks = call_of(options["inputs"], base, limits, options["config"])
+    for remark in remarks:
+        session.say(remark)
     run = _check if options["check"] else _run
     return run(session, jobs, Path(options["output"]), limits, options["junit"])
 

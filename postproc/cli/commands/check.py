@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from postproc.cli.common import Session, answer, standard_options
-
-if TYPE_CHECKING:
-    from postproc.cell import Cell
-    from postproc.errors import Finding
 
 EPILOG = """\b
 Examples:
@@ -36,65 +32,21 @@ def command(session: Session, /, cell: str, report: str | None, backup: str | No
     notes do not.
     """
     from postproc.cell import load_cell
-    from postproc.jobs.check_cell import check_cell
+    from postproc.jobs.check_cell import checked
 
-    loaded = load_cell(cell)
-    checked = check_cell(loaded)
-    compared: dict[str, Any] = {}
-    if backup:
-        compared, different = _compared(loaded, backup)
-        checked = checked.with_findings(different)
+    found = checked(load_cell(cell), backup)
     if report:
-        from pathlib import Path
-
-        from postproc.files import write_files
-        from postproc.jobs.pages import page_of_cell
-
-        write_files({Path(report): page_of_cell(checked)})
-    findings = [_entry(finding) for finding in checked.findings]
-    session.document(
-        {
-            "schema": "postproc.check/1",
-            "ok": checked.is_good,
-            **checked.facts,
-            **compared,
-            "findings": findings,
-        }
-    )
-    session.show(_summary(checked.facts))
-    if compared:
-        found = compared["backup"]
-        counts = f"{found['compared']} numbers compared, {len(found['differences'])} differences"
+        found.report(report)
+    session.document(found.document)
+    session.show(_summary(found.facts))
+    if backup:
+        counted = found.document["backup"]
+        counts = (
+            f"{counted['compared']} numbers compared, {len(counted['differences'])} differences"
+        )
         session.show(f"backup     {counts}")
-    session.findings(checked.findings)
-    return answer(checked.is_good)
-
-
-def _compared(cell: Cell, backup: str) -> tuple[dict[str, Any], tuple[Finding, ...]]:
-    """Return the comparison with a controller for JSON, and its findings."""
-    from postproc.jobs.controller_backup import compare_backup
-
-    comparison, findings = compare_backup(cell, backup)
-    differences = [
-        {
-            "key": difference.key,
-            "cell": difference.cell,
-            "controller": difference.controller,
-            "severity": str(difference.severity),
-            "text": difference.text,
-        }
-        for difference in comparison.differences
-    ]
-    return {"backup": {"compared": comparison.compared, "differences": differences}}, findings
-
-
-def _entry(finding: Finding) -> dict[str, Any]:
-    return {
-        "severity": str(finding.severity),
-        "code": finding.code,
-        "line": finding.source.line if finding.source else None,
-        "text": finding.message,
-    }
+    session.findings(found.findings)
+    return answer(found.good)
 
 
 def _summary(facts: dict[str, Any]) -> str:

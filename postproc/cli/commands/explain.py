@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import textwrap
-from typing import Any
 
 import click
 
 from postproc.cli import completion
 from postproc.cli.common import Session, answer, standard_options
-from postproc.codes import Entry, find, groups, nearest
-from postproc.errors import UsageError
+from postproc.codes import Entry, groups
+from postproc.jobs.explain import explain_document, explained
 
 EPILOG = """\b
 Examples:
@@ -37,44 +36,10 @@ def command(session: Session, /, code: str | None) -> int:
         session.document({"schema": "postproc.explain/1", "codes": codes})
         session.show("\n\n".join(_listing()))
     else:
-        entry = _known(code.strip())
-        session.document({"schema": "postproc.explain/1", **_document(entry)})
+        entry = explained(code)
+        session.document(explain_document(entry))
         session.show(_page(entry))
     return answer(good=True)
-
-
-def _known(code: str) -> Entry:
-    entry = find(code.upper()) or find(code.lower()) or _effect(code.lower())
-    if entry is None:
-        near = ", ".join(nearest(code.upper()))
-        raise UsageError(
-            "CLI014",
-            f"no finding has the code {code!r}" + (f", the nearest are {near}" if near else ""),
-            hint="postproc explain lists all",
-        )
-    return entry
-
-
-def _effect(name: str) -> Entry | None:
-    """Return what an effect of a diagnosis is, as an entry; None if none has this name."""
-    from postproc.gap import EFFECTS
-
-    if name not in EFFECTS:
-        return None
-    effect = EFFECTS.get(name)
-    return Entry(
-        name, effect.title, f"an effect that diagnose tries: {effect.source}", effect.action
-    )
-
-
-def _document(entry: Entry) -> dict[str, Any]:
-    return {
-        "code": entry.code,
-        "severity": entry.severity,
-        "title": entry.title,
-        "cause": entry.cause,
-        "remedy": entry.remedy,
-    }
 
 
 def _page(entry: Entry) -> str:

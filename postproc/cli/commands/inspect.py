@@ -22,34 +22,15 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
 
     Words that convert would refuse are listed with their lines; nothing is written.
     """
-    from postproc.process import looks, word_findings
-    from postproc.readers import ReadOptions, read
-    from postproc.report.inspection import cell_tables, inspection, text_lines
-
-    given = reading(options)
-    if options["cell"]:
-        given = _with_habits(given, options["cell"])
-    form = given.pop("format") or "auto"
-    toolpath = read(options["source"], form, ReadOptions(points_only=True, **given))
-    if session.json:
-        session.document(inspection(toolpath))
-    else:
-        for line in text_lines(toolpath):
-            session.show(line)
-        if tables := cell_tables(toolpath):
-            session.show(f"\nfor the cell, to be filled in:\n\n{tables}")
-    session.findings(
-        [*word_findings(toolpath), *looks(toolpath), *toolpath.warnings, *toolpath.recovered]
-    )
-    return answer(True)
-
-
-def _with_habits(given: dict[str, Any], path: str) -> dict[str, Any]:
-    """Return the options of a call, those of the cell where the call does not say."""
     from postproc.cell import load_cell
-    from postproc.readers import ReadOptions
+    from postproc.jobs.inspect import inspect
 
-    habits = load_cell(path).reading
-    words = ReadOptions(accept_words=given["accept_words"]).accepted_words
-    filled = {key: value or getattr(habits, key, None) for key, value in given.items()}
-    return {**filled, "accept_words": (*habits.accept_words, *words)}
+    cell = load_cell(options["cell"]) if options["cell"] else None
+    found = inspect(options["source"], reading(options), cell)
+    if session.json:
+        session.document(found.document)
+    else:
+        for line in found.summary:
+            session.show(line)
+    session.findings(found.findings)
+    return answer(True)

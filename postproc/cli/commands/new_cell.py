@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -106,8 +106,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     the robot must be named and the rest takes its defaults, to be edited. With --input the place of
     the workpiece is one where the arm reaches every tag of the CAM file, with room to spare.
     """
-    from postproc.cell import cell_reference, cell_text
-    from postproc.files import write_files
+    from postproc.cell import cell_reference
 
     if options["keys"]:
         page = cell_reference()
@@ -117,83 +116,42 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     output = _output(options)
     if options["backup"]:
         return _from_backup(session, options, output)
+    from postproc.jobs.new_cell import draft_cell, free_home, propose_place
+
     place: dict[str, Any] = {}
 
     def propose() -> bool:
         try:
-            place.update(_propose(options, output))
+            place.update(propose_place(options, output))
         except CellError as problem:
             session.say(f"{problem.code}: {problem.message}")
             return False
-        _tell(session, place)
         return True
 
     options["home"] = () if options["no_home"] else options["home"]
     if sys.stdin.isatty() and not (session.json or session.quiet):
-        ask(options, propose, lambda: _free_home(options, output) or "-")
-    files = _urdf_files(options, output)
-    if options["input"] and options["workpiece_xyz"] is None:
-        place.update(_propose(options, output))
-        _tell(session, place)
-    if not files:
-        _must_load(cell_text(_values(options, Path(output.name))))
-    remarks = {} if options["home"] is not None else {"motion": _home_remark(options, output)}
-    text = cell_text(_values(options, output), remarks)
-    write_files({**files, output: text.encode("utf-8")})
-    robot = options["robot"] or options["urdf"]
-    facts = {"file": str(output), "robot": robot} | ({"place": place} if place else {})
-    session.document({"schema": "postproc.new_cell/1", **facts})
-    session.show(f"{output}: cell with {robot}; edit it, then: postproc check {output}")
+        ask(options, propose, lambda: free_home(options, output) or "-")
+    draft = draft_cell(options, output, place)
+    if draft.place:
+        _tell(session, draft.place)
+    draft.write()
+    session.document(draft.document)
+    session.show(f"{output}: cell with {draft.robot}; edit it, then: postproc check {output}")
     return answer(good=True)
-
-
-def _urdf_files(options: dict[str, Any], output: Path) -> dict[Path, bytes]:
-    """Return the URDF to write beside the cell where it is made from macros.
-
-    The options name the file then, and a flange that was asked for on a terminal.
-    """
-    from postproc.cell import expanded, find_urdf, is_xacro
-
-    if options["urdf"] is None:
-        return {}
-    source = find_urdf(Path(options["urdf"]))
-    options["urdf"] = str(source)
-    if not source.is_file() or not is_xacro(source):
-        return {}
-    target = output.parent / f"{source.name.split('.')[0]}.urdf"
-    if target.exists() and not options["force"]:
-        raise UsageError(
-            "CLI011", "is there already", SourceRef(str(target)), "--force overwrites it"
-        )
-    text = expanded(source, output.parent)
-    _must_be_an_arm(text, source, options["tip"])
-    options["urdf"] = str(target)
-    return {target: text}
-
-
-def _must_be_an_arm(text: bytes, source: Path, tip: str | None) -> None:
-    """Refuse URDF text that no cell could use, before anything is written."""
-    import tempfile
-
-    from postproc.cell import read_urdf_robot
-
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / source.name.split(".")[0]
-        file.write_bytes(text)
-        read_urdf_robot(file, tip, SourceRef(str(source)))
 
 
 def _from_backup(session: Session, options: dict[str, Any], output: Path) -> int:
     """Write the cell of a controller."""
     from postproc.files import write_files
     from postproc.jobs.controller_backup import cell_from_backup
+    from postproc.jobs.new_cell import must_load
 
     given = [key for key in _OF_BACKUP if options[key] not in (None, ())]
     if given:
         option = f"--{given[0].replace('_', '-')}"
         raise UsageError("CLI012", f"{option} does not go with --backup; edit the cell instead")
     made = cell_from_backup(options["backup"], options["name"] or output.stem, options["robot"])
-    _must_load(made.text)
+    must_load(made.text)
     write_files({output: made.text.encode("utf-8")})
     for note in made.notes:
         session.say(f"note: {note}")
@@ -218,142 +176,10 @@ def _output(options: dict[str, Any]) -> Path:
     return output
 
 
-def _propose(options: dict[str, Any], output: Path) -> dict[str, Any]:
-    """Put a place of the workpiece for the CAM file into the options; return what it is for JSON.
-
-    Raises:
-        CellError: CEL016 if there is none.
-        ReadError: if the file cannot be read.
-    """
-    from postproc.cell import cell_text, parse_cell
-    from postproc.jobs.workpiece_place import workpiece_place
-    from postproc.readers import ReadOptions, read
-    from postproc.units import DEG
-
-    text = cell_text(_values(options, output)).encode("utf-8")
-    cell = parse_cell(text, output)
-    axis = tuple(float(v) for v in cell.tool.axis)
-    toolpath = read(options["input"], "auto", ReadOptions(units=options["units"], tool_axis=axis))
-    place = workpiece_place(toolpath, cell, options["workpiece_abc"])
-    options["workpiece_xyz"], options["workpiece_abc"] = place.xyz_mm, place.abc_deg
-    return {
-        "xyz_mm": list(place.xyz_mm),
-        "abc_deg": list(place.abc_deg),
-        "margin_deg": round(place.margin / DEG, 3),
-        "tags": place.tags,
-    }
-
-
-def _free_home(options: dict[str, Any], output: Path) -> str:
-    """Return six angles [deg] of a home that is free of collision in the cell, empty without."""
-    from postproc.cell import cell_text, parse_cell
-    from postproc.errors import PostprocError
-    from postproc.planning import free_posture
-    from postproc.units import DEG
-
-    try:
-        free = free_posture(parse_cell(cell_text(_values(options, output)).encode(), output))
-    except PostprocError:
-        return ""  # the cell says why when it is used
-    return "" if free is None else " ".join(f"{angle / DEG:.0f}" for angle in free)
-
-
-def _home_remark(options: dict[str, Any], output: Path) -> list[str]:
-    """Return the comment that proposes a home, where one is found."""
-    free = _free_home(options, output)
-    angles = ", ".join(free.split())
-    return [f"home_deg = [{angles}] is free of collision: begin and end there?"] if free else []
-
-
-def _tell(session: Session, place: dict[str, Any]) -> None:
+def _tell(session: Session, place: Mapping[str, Any]) -> None:
     xyz, abc = (" ".join(f"{v:g}" for v in place[key]) for key in ("xyz_mm", "abc_deg"))
     session.say(
         f"workpiece at X Y Z {xyz} mm, A B C {abc} deg: all {place['tags']} distinct tags are "
         f"reached, {place['margin_deg']:.1f} deg or more beyond the margins, also where the part "
         "is 50 mm off; collisions are for convert to find"
     )
-
-
-def _values(options: dict[str, Any], output: Path) -> dict[str, Any]:
-    """Return what the call says, nested as in the file."""
-    tool: dict[str, Any] = {"axis": options["tool_axis"] or "+z"}
-    tool["frame"] = _frame(options["tool_xyz"], options["tool_abc"])
-    workpiece: dict[str, Any] = {
-        "frame": _frame(options["workpiece_xyz"], options["workpiece_abc"])
-    }
-    motion: dict[str, Any] = {}
-    process: dict[str, Any] = {}
-    given = (
-        (tool, "mass_kg", options["tool_mass"]),
-        (tool, "number", options["tool_number"]),
-        (tool, "meshes", _meshes(options["tool_mesh"], output)),
-        (workpiece, "number", options["base_number"]),
-        (workpiece, "meshes", _meshes(options["workpiece_mesh"], output)),
-        (motion, "home_deg", list(options["home"] or ()) or None),
-        (motion, "feed_mm_min", options["feed"]),
-        (process, "spindle", options["spindle"]),
-        (process, "spindle_rpm", options["spindle_rpm"]),
-    )
-    for table, key, value in given:
-        if value is not None:
-            table[key] = value
-    return {
-        "name": options["name"] or output.stem,
-        "robot": _robot_values(options, output),
-        "tool": tool,
-        "workpiece": workpiece,
-        **({"motion": motion} if motion else {}),
-        **({"process": process} if process else {}),
-    }
-
-
-def _robot_values(options: dict[str, Any], output: Path) -> dict[str, str]:
-    if (options["robot"] is None) == (options["urdf"] is None):
-        raise UsageError("CLI012", "expected one of --robot NAME and --urdf FILE")
-    if options["urdf"] is None:
-        return {"model": _known_robot(options["robot"])}
-    robot = {"urdf": Path(os.path.relpath(options["urdf"], output.parent)).as_posix()}
-    if options["tip"] is not None:
-        robot["tip"] = options["tip"]
-    return robot
-
-
-def _meshes(names: tuple[str, ...] | None, output: Path) -> list[dict[str, str]] | None:
-    """Return the entries of mesh files, relative to the cell; None without any.
-
-    Raises:
-        CellError: COL001 to COL009 for a file that cannot be read.
-    """
-    from postproc.collision import load_mesh
-    from postproc.units import MM
-
-    for name in names or ():
-        load_mesh(Path(name), MM)  # what convert would refuse is no solid of a new cell
-    paths = (Path(os.path.relpath(name, output.parent)).as_posix() for name in names or ())
-    return [{"file": path} for path in paths] or None
-
-
-def _known_robot(name: str) -> str:
-    from postproc.cell import find_robot
-
-    try:
-        return find_robot(name)
-    except CellError as problem:
-        raise UsageError("CLI013", problem.message, hint=problem.hint) from None
-
-
-def _frame(xyz: tuple[float, ...] | None, abc: tuple[float, ...] | None) -> dict[str, list[float]]:
-    return {"xyz_mm": list(xyz or (0.0, 0.0, 0.0)), "abc_deg": list(abc or (0.0, 0.0, 0.0))}
-
-
-def _must_load(text: str) -> None:
-    """Refuse what would not load from the current folder, before anything is written."""
-    from postproc.cell import parse_cell
-
-    own = "cell.toml"
-    try:
-        parse_cell(text.encode("utf-8"), own)
-    except CellError as problem:
-        if problem.code == "CEL032" or (problem.source is not None and problem.source.path != own):
-            raise
-        raise UsageError("CLI013", problem.message, hint=problem.hint) from None

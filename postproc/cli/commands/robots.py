@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -14,9 +14,6 @@ from postproc.cli.common import (
     standard_options,
 )
 
-if TYPE_CHECKING:
-    from postproc.cell import OpwGeometry, Origin, Robot
-
 EPILOG = """\b
 Examples:
   postproc robots
@@ -24,7 +21,6 @@ Examples:
   postproc robots "KR 210 R2700-2"
   postproc robots --reach 2800 --payload 300
 """
-_LENGTHS = ("a1", "a2", "b", "c1", "c2", "c3", "c4")
 
 
 @click.command(epilog=EPILOG)
@@ -47,11 +43,11 @@ def command(
     it on the real robot). Trust: A a machine file or URDF and one more source agree, B one of these
     alone or two tables agree, C one table alone. Your own cell file can override all numbers.
     """
-    from postproc.cell import load_robot, robot_names
+    from postproc.cell import load_robot
+    from postproc.jobs.robots import robot_document, robots
 
     if name is None:
-        documents = [robot_document(load_robot(known)) for known in robot_names()]
-        documents = [d for d in documents if _serves(d, reach, payload)]
+        documents = robots(reach, payload)
         session.document({"schema": "postproc.robots/1", "robots": documents})
         session.table(_HEAD, _rows(documents))
     else:
@@ -59,108 +55,6 @@ def command(
         session.document({"schema": "postproc.robots/1", **document})
         session.show(_page(document))
     return answer(good=True)
-
-
-def _serves(document: dict[str, Any], reach: float | None, payload: float | None) -> bool:
-    """Return whether an arm reaches [mm] and carries [kg] as much as is asked."""
-    return bool(document["reach_mm"] >= (reach or 0) and document["payload_kg"] >= (payload or 0))
-
-
-def robot_document(robot: Robot) -> dict[str, Any]:
-    """Return a built-in robot in the units of files, with the source of each number."""
-    import numpy as np
-
-    from postproc.cell import OpwGeometry, robot_notes, robot_title
-    from postproc.units import DEG, MM, NMM_PER_RAD
-
-    geometry = robot.geometry
-    assert isinstance(geometry, OpwGeometry)  # noqa: S101 - every built-in robot has one
-    limits = np.stack([robot.q_min, robot.q_max], axis=1)
-    notes = robot_notes(robot.name)
-    return {
-        "name": robot.name,
-        "title": robot_title(robot.name),
-        "trafoname": notes.trafoname or None,
-        "trust": notes.trust,
-        "note": notes.note or None,
-        "doubts": sorted(robot.doubts.values()),
-        "reach_mm": round(_reach(geometry) / MM, 1),
-        "dimensions_mm": {key: _plain(getattr(geometry, key) / MM) for key in _LENGTHS},
-        "signs": _plain(geometry.signs),
-        "offsets_deg": _plain(geometry.offsets / DEG),
-        "limits_deg": _known(limits / DEG),
-        "speed_deg_s": _known(robot.qd_max / DEG),
-        "acceleration_deg_s2": _known(robot.qdd_max / DEG),
-        "payload_kg": _plain(robot.payload),
-        "mass_kg": _plain(robot.mass),
-        "repeatability_mm": _plain(robot.repeatability / MM),
-        "joint_stiffness_Nmm_per_rad": _scaled(robot.joint_stiffness, NMM_PER_RAD),
-        "link_mass_kg": _scaled(robot.link_mass, 1.0),
-        "link_cog_mm": _scaled(robot.link_com, MM),
-        "sources": _sources(robot),
-    }
-
-
-def _reach(geometry: OpwGeometry) -> float:
-    """Return the distance [m] of the wrist centre from axis 1 with the arm stretched."""
-    import math
-
-    return geometry.a1 + geometry.c2 + math.hypot(geometry.c3, geometry.a2)
-
-
-def _sources(robot: Robot) -> dict[str, Any]:
-    """Return provenance and source by key; a list of six where a key has a number per joint."""
-    import numpy as np
-
-    by_joint = {
-        "limits_deg": "q_min",
-        "speed_deg_s": "qd_max",
-        "acceleration_deg_s2": "qdd_max",
-        "joint_stiffness_Nmm_per_rad": "joint_stiffness",
-        "link_mass_kg": "link_mass",
-        "link_cog_mm": "link_com",
-    }
-    geometry = _origin(robot.origins["geometry"])
-    sources: dict[str, Any] = {
-        "dimensions_mm": dict.fromkeys(_LENGTHS, geometry),
-        "signs": geometry,
-        "offsets_deg": geometry,
-    }
-    for key, field in by_joint.items():
-        whole = robot.origins.get(field)
-        if whole is not None and not np.isnan(getattr(robot, field)).any():
-            each = [robot.origins.get(f"{field}.A{axis}", whole) for axis in range(1, 7)]
-            sources[key] = [_origin(origin) for origin in each]
-    for field, unit in (("payload", "kg"), ("mass", "kg"), ("repeatability", "mm")):
-        if field in robot.origins:
-            sources[f"{field}_{unit}"] = _origin(robot.origins[field])
-    return sources
-
-
-def _origin(origin: Origin) -> dict[str, str]:
-    found = {"provenance": str(origin.provenance), "source": origin.source}
-    return {**found, "trust": origin.trust} if origin.trust else found
-
-
-def _plain(value: Any) -> Any:  # noqa: ANN401 - numbers and nested lists of them
-    """Return numbers for JSON: rounded to 1e-9, null for what is not known."""
-    import numpy as np
-
-    array = np.asarray(value, dtype=float)
-    if array.ndim:
-        return [_plain(entry) for entry in array]
-    return round(float(array), 9) + 0.0 if np.isfinite(array) else None
-
-
-def _known(values: Any) -> Any:  # noqa: ANN401 - as _plain
-    """Return numbers for JSON, null where no source gives them."""
-    import numpy as np
-
-    return None if np.isnan(values).any() else _plain(values)
-
-
-def _scaled(value: Any, unit: float) -> Any:  # noqa: ANN401 - as _plain
-    return None if value is None else _plain(value / unit)
 
 
 _HEAD = ("name", "robot", "reach mm", "payload kg", "trust", "unknown or assumed")

@@ -133,44 +133,21 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     ten campaigns, and the pairs that will stay one set. Unloaded but for --load-kg and --force.
     """
     from postproc.cell import load_cell
-    from postproc.files import write_files
-    from postproc.jobs.drawing import drawing_of
-    from postproc.jobs.sample import program_files, sample
-    from postproc.report.pages.sample import sample_page
-    from postproc.stiffness.sample import csv_text, sample_document
+    from postproc.jobs.measuring_plan import measuring_plan
 
     cell = load_cell(options["cell"]).for_tool(options["tool"])
-    if options["for_diagnosis"]:
-        return _for_diagnosis(session, cell, options)
-    with session.progress() as progress:
-        sampling = sample(cell, _request(options), progress)
-    files = dict(program_files(sampling))
-    files[f"{options['name']}.csv"] = csv_text(sampling)
-    files[f"{options['name']}.html"] = sample_page(sampling, drawing_of(sampling.cell))
     folder = Path(options["output"])
-    write_files({folder / name: content for name, content in files.items()})
-    content = sample_document(sampling, sorted(files))
-    session.document(content)
-    _summary(session, content, folder)
+    with session.progress() as progress:
+        plan = measuring_plan(cell, options, progress)
+    plan.write(folder)
+    session.document(plan.document)
+    show = _diagnosis_summary if options["for_diagnosis"] else _summary
+    show(session, plan.document, folder / f"{options['name']}.csv")
     return answer(good=True)
 
 
-def _for_diagnosis(session: Session, cell: Any, options: dict[str, Any]) -> int:  # noqa: ANN401
-    from postproc.files import write_files
-    from postproc.jobs.drawing import drawing_of
-    from postproc.jobs.sample_diagnosis import diagnosis_plan_document, files, plan_diagnosis
-    from postproc.report.pages.diagnosis_plan import diagnosis_plan_page
-
-    with session.progress() as progress:
-        plan = plan_diagnosis(cell, _request(options), progress)
-    folder, made = Path(options["output"]), files(plan)
-    page = f"{options['name']}.html"
-    content = diagnosis_plan_document(plan, sorted([*made, page]))
-    names = [plan.name(reading) for reading in range(len(plan.q))]
-    made[page] = diagnosis_plan_page(content, names, plan.q, plan.points, drawing_of(cell))
-    write_files({folder / name: text for name, text in made.items()})
-    session.document(content)
-    session.show(f"plan     {folder / (options['name'] + '.csv')}")
+def _diagnosis_summary(session: Session, content: dict[str, Any], file: Path) -> None:
+    session.show(f"plan     {file}")
     session.show(f"postures {content['postures']}, readings {content['readings']}")
     for told in content["effects"]:
         size = told["smallest_mm"]
@@ -178,64 +155,10 @@ def _for_diagnosis(session: Session, cell: Any, options: dict[str, Any]) -> int:
         session.show(f"{told['name']:<22} {seen} (usual {told['usual_mm']:.3f})")
     for pair in content["cannot_separate"]:
         session.say(f"{' and '.join(pair['effects'])} of usual size will stay one set")
-    return answer(good=True)
 
 
-def _request(options: dict[str, Any]) -> Any:  # noqa: ANN401 - imported lazily
-    import numpy as np
-
-    from postproc.errors import StiffnessError
-    from postproc.geometry import rotation_from_abc
-    from postproc.stiffness.sample import SampleRequest, SamplingRules, box_grid
-    from postproc.units import DEG, MM, PERCENT
-
-    try:
-        angles = [NUMBER.convert(text, None, None) for text in options["angles"].split(",")]
-    except click.BadParameter:
-        raise StiffnessError(
-            "STF025", f"--angles {options['angles']!r}, expected numbers with commas between"
-        ) from None
-    box = np.array(options["box"]) * MM
-    abc = options["orientation"]
-    rules = SamplingRules(
-        axis=np.eye(3)["xyz".index(options["axis"])],
-        angles=np.array(angles) * DEG,
-        R_robroot_tcp=None if abc is None else rotation_from_abc(np.array(abc) * DEG),
-    )
-    return SampleRequest(
-        grid=box_grid(box[:3], box[3:], options["grid"] * MM),
-        rules=rules,
-        loads=_loads(options),
-        name=options["name"],
-        method=options["method"],
-        model=options["model"],
-        count=options["count"],
-        wait=options["wait"],
-        halt=options["halt"],
-        speed=options["speed"] * PERCENT,
-    )
-
-
-def _loads(options: dict[str, Any]) -> tuple[Any, ...]:
-    import numpy as np
-
-    from postproc.stiffness.sample import Load
-    from postproc.units import MM
-
-    mass = options["load_kg"]
-    if mass is None and not options["force"] and not options["for_diagnosis"]:
-        mass = 50.0
-    loads = []
-    if mass:
-        at = options["load_at"]
-        loads.append(Load(f"{mass:g}kg", mass, None if at is None else np.array(at) * MM))
-    for number, force in enumerate(options["force"], start=1):
-        loads.append(Load(f"force{number}", force=np.array(force)))
-    return tuple(loads)
-
-
-def _summary(session: Session, content: dict[str, Any], folder: Path) -> None:
-    session.show(f"plan     {folder / content['files'][0]}")
+def _summary(session: Session, content: dict[str, Any], file: Path) -> None:
+    session.show(f"plan     {file}")
     session.show(
         f"cells    {content['cells']}, tags {content['tags_used']} of {content['tags']}, "
         f"postures {content['postures']}, readings {content['readings']}"

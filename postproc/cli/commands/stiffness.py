@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import click
@@ -44,8 +43,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     what convert refuses.
     """
     from postproc.cell import load_cell
-    from postproc.files import write_files
-    from postproc.jobs.stiffness import document, stiffness
+    from postproc.jobs.stiffness import stiffness
     from postproc.units import DEG
 
     cell = load_cell(options["cell"])
@@ -59,11 +57,8 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     )
     session.findings(found.findings)
     if options["output"]:
-        from postproc.report.pages.stiffness import stiffness_page
-
-        page = stiffness_page(found.curves, found.toolpath.name, found.words)
-        write_files({Path(options["output"]): page})
-    content = document(found)
+        found.report(options["output"])
+    content = found.document
     session.document(content)
     for tag in content["tags"]:
         best = tag["best"]["axial"]

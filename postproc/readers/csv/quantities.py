@@ -61,9 +61,12 @@ def in_si(columns: list[Column], data: Columns, units: str) -> Columns:
 
 def _factor(column: Column, units: str) -> float:
     """Return the factor to SI of a column; without a unit of its own it has those of the file."""
-    role = BY_NAME[column.role]
-    if column.unit is not None:
-        return column.unit.factor
+    return usual_factor(column.role, units) if column.unit is None else column.unit.factor
+
+
+def usual_factor(name: str, units: str) -> float:
+    """Return the factor to SI of numbers of a role in a file of these units of length."""
+    role = BY_NAME[name]
     if Dimension.LENGTH in role.dimensions:
         return LENGTH_UNITS[units]
     if Dimension.SPEED in role.dimensions and units == "inch":

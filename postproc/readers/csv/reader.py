@@ -117,7 +117,7 @@ class CsvReader:
             columns, more = understood(columns, options, faults, header)
             uses = (*uses, *more)
         data = in_si(columns, data, units)
-        return _toolpath(path, options, layout, units, uses, data, faults)
+        return toolpath_of(path, options, layout.header, units, uses, data, faults)
 
 
 def _names_a_point(text: str) -> bool:
@@ -188,15 +188,16 @@ def _filled(
     return filled
 
 
-def _toolpath(
+def toolpath_of(
     path: str,
     options: ReadOptions,
-    layout: Layout,
+    header: Sequence[str] | None,
     units: str,
     uses: tuple[WordUse, ...],
     data: Columns,
     faults: Faults,
 ) -> ToolPath:
+    """Return the toolpath of rows in SI; ``header``: the words of the file's own, None without."""
     points = np.column_stack([data.numbers[role] for role in POSITION])
     names, operations = data.texts.get("id"), data.texts.get("operation")
     rows: IndexArray | slice = slice(None)
@@ -242,7 +243,7 @@ def _toolpath(
         setups=setups,
         rotations=rotations,
         names=tuple(kept_names) if kept_names else None,
-        words={} if layout.header is None else dict.fromkeys(layout.header, 1),
+        words={} if header is None else dict.fromkeys(header, 1),
         extra={} if holes.diameter is None else {"diameter": holes.diameter},
         unknown_words={use.word: 1 for use in uses},
         word_uses=uses,
