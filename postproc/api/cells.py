@@ -19,10 +19,9 @@ from postproc.errors import UsageError
 from postproc.geometry import inverse, rotation_from_abc, transform
 from postproc.jobs import robots as built_in
 from postproc.jobs.check_cell import CellCheck, checked
-from postproc.jobs.controller_backup import cell_from_backup
 from postproc.jobs.explain import explained
 from postproc.jobs.measuring_plan import MeasuringPlan, measuring_plan
-from postproc.jobs.new_cell import OPTIONS, CellDraft, draft_cell, must_load
+from postproc.jobs.new_cell import OPTIONS, CellDraft, draft_cell, draft_from_backup, require_free
 from postproc.kinematics import build
 from postproc.progress import Progress
 from postproc.units import DEG, MM
@@ -204,20 +203,18 @@ def new_cell(path: Source = "cell.toml", **options: Any) -> CellDraft:  # noqa: 
 
     Raises:
         CellError: if the cell could not be loaded.
+        TypeError: for an option that is none.
         UsageError: CLI011 to CLI013 if the call is wrong.
     """
     target, archive = Path(path), options.pop("backup", None)
-    unknown = sorted(set(options) - set(OPTIONS))
+    given = {**OPTIONS, "force": False, **options}
+    unknown = sorted(set(given) - set(OPTIONS) - {"force"})
     if unknown:
-        raise UsageError("CLI012", f"no option {unknown[0]!r}, known are {', '.join(OPTIONS)}")
-    given = {**OPTIONS, **options}
-    if target.exists() and not given["force"]:
-        raise UsageError("CLI011", f"{target} is there already", hint="force=True overwrites it")
-    if archive is None:
-        return draft_cell(given, target, {})
-    made = cell_from_backup(archive, given["name"] or target.stem, given["robot"])
-    must_load(made.text)
-    return CellDraft({target: made.text.encode("utf-8")}, made.robot, {})
+        raise TypeError(f"no option {unknown[0]!r}, known are {', '.join(OPTIONS)}")
+    require_free(target, given["force"])
+    if archive is not None:
+        return draft_from_backup(archive, given, target)
+    return draft_cell(given, target, {})
 
 
 def check(cell: Cell | Source, *, backup: Source | None = None) -> CellCheck:

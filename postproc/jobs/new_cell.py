@@ -20,6 +20,7 @@ from postproc.cell import (
 from postproc.collision import load_mesh
 from postproc.errors import CellError, PostprocError, SourceRef, UsageError
 from postproc.files import write_files
+from postproc.jobs.controller_backup import cell_from_backup
 from postproc.jobs.workpiece_place import workpiece_place
 from postproc.planning import free_posture
 from postproc.readers import ReadOptions, read
@@ -32,17 +33,28 @@ OPTIONS: Mapping[str, Any] = dict.fromkeys(
         "tool_number", "tool_mesh", "workpiece_xyz", "workpiece_abc", "base_number",
         "workpiece_mesh", "home", "spindle", "spindle_rpm", "feed", "input", "units",
     )
-) | {"force": False}  # fmt: skip
+)  # fmt: skip
 """What a call may say, each None where it does not: the options of ``new-cell``."""
+_BESIDE_BACKUP = ("name", "robot", "units")
+"""Options that go with a backup."""
 
 
 @dataclass(frozen=True, slots=True)
 class CellDraft:
-    """A new cell: files by path, the cell's own last; ``place``: where a workpiece was proposed."""
+    """A new cell: files by path, the cell's own last; nothing is on disk before ``write``.
+
+    ``facts``: what was found, as the place of a workpiece or the tools of a controller.
+    """
 
     files: Mapping[Path, bytes]
     robot: str
-    place: Mapping[str, Any]
+    facts: Mapping[str, Any]
+
+    @property
+    def place(self) -> Mapping[str, Any]:
+        """Where the workpiece was proposed, empty without."""
+        found: Mapping[str, Any] = self.facts.get("place", {})
+        return found
 
     @property
     def path(self) -> Path:
@@ -57,9 +69,8 @@ class CellDraft:
     @property
     def document(self) -> dict[str, Any]:
         """The ``postproc.new_cell/1`` document, as ``new-cell --json`` prints it."""
-        facts = {"file": str(self.path), "robot": self.robot}
-        more = {"place": dict(self.place)} if self.place else {}
-        return {"schema": "postproc.new_cell/1", **facts, **more}
+        facts = {"file": str(self.path), "robot": self.robot, **self.facts}
+        return {"schema": "postproc.new_cell/1", **facts}
 
     def write(self) -> Path:
         """Write the files whole or not at all, and return the path of the cell file.
@@ -91,7 +102,37 @@ def draft_cell(options: dict[str, Any], output: Path, place: dict[str, Any]) -> 
     remarks = {} if options["home"] is not None else {"motion": _home_remark(options, output)}
     text = cell_text(_values(options, output), remarks).encode("utf-8")
     robot = options["robot"] or options["urdf"]
-    return CellDraft({**files, output: text}, robot, place)
+    return CellDraft({**files, output: text}, robot, {"place": dict(place)} if place else {})
+
+
+def draft_from_backup(archive: str | Path, options: Mapping[str, Any], output: Path) -> CellDraft:
+    """Return the cell of a controller.
+
+    Raises:
+        CellError: CEL010 for an unknown robot.
+        ReadError: BAK001 to BAK007 if the backup cannot be used.
+        UsageError: CLI012 for an option beside it: it says that itself, or the cell is edited.
+    """
+    given = [key for key in OPTIONS if options[key] not in (None, ()) and key not in _BESIDE_BACKUP]
+    if given:
+        option = f"--{given[0].replace('_', '-')}"
+        raise UsageError("CLI012", f"{option} does not go with --backup; edit the cell instead")
+    made = cell_from_backup(archive, options["name"] or output.stem, options["robot"])
+    must_load(made.text)
+    facts = {"notes": list(made.notes), **made.facts}
+    return CellDraft({output: made.text.encode("utf-8")}, made.robot, facts)
+
+
+def require_free(output: Path, force: bool) -> None:
+    """Refuse to write over a file.
+
+    Raises:
+        UsageError: CLI011.
+    """
+    if output.exists() and not force:
+        raise UsageError(
+            "CLI011", "is there already", SourceRef(str(output)), "--force overwrites it"
+        )
 
 
 def _urdf_files(options: dict[str, Any], output: Path) -> dict[Path, bytes]:
@@ -106,10 +147,7 @@ def _urdf_files(options: dict[str, Any], output: Path) -> dict[Path, bytes]:
     if not source.is_file() or not is_xacro(source):
         return {}
     target = output.parent / f"{source.name.split('.')[0]}.urdf"
-    if target.exists() and not options["force"]:
-        raise UsageError(
-            "CLI011", "is there already", SourceRef(str(target)), "--force overwrites it"
-        )
+    require_free(target, options["force"])
     text = expanded(source, output.parent)
     _must_be_an_arm(text, source, options["tip"])
     options["urdf"] = str(target)

@@ -17,7 +17,7 @@ from postproc.cli.common import (
     standard_options,
 )
 from postproc.cli.questions import AXES, STARTS, ask
-from postproc.errors import CellError, SourceRef, UsageError
+from postproc.errors import CellError, UsageError
 
 EPILOG = """\b
 Examples:
@@ -32,12 +32,6 @@ Examples:
 """
 _TRIPLE = (NUMBER, NUMBER, NUMBER)
 _SIX = (NUMBER,) * 6
-_OF_BACKUP = (
-    "urdf", "tip", "tool_xyz", "tool_abc", "tool_axis", "tool_mass", "workpiece_xyz",
-    "workpiece_abc", "tool_number", "base_number", "home", "spindle", "spindle_rpm", "feed",
-    "input", "tool_mesh", "workpiece_mesh",
-)  # fmt: skip
-"""Options that do not go with a backup: it says them, or the cell is edited."""
 
 
 class _NewCell(click.Command):
@@ -126,13 +120,14 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         except CellError as problem:
             session.say(f"{problem.code}: {problem.message}")
             return False
+        _tell(session, place)
         return True
 
     options["home"] = () if options["no_home"] else options["home"]
     if sys.stdin.isatty() and not (session.json or session.quiet):
         ask(options, propose, lambda: free_home(options, output) or "-")
     draft = draft_cell(options, output, place)
-    if draft.place:
+    if draft.place and not place:
         _tell(session, draft.place)
     draft.write()
     session.document(draft.document)
@@ -142,37 +137,28 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
 
 def _from_backup(session: Session, options: dict[str, Any], output: Path) -> int:
     """Write the cell of a controller."""
-    from postproc.files import write_files
-    from postproc.jobs.controller_backup import cell_from_backup
-    from postproc.jobs.new_cell import must_load
+    from postproc.jobs.new_cell import draft_from_backup
 
-    given = [key for key in _OF_BACKUP if options[key] not in (None, ())]
-    if given:
-        option = f"--{given[0].replace('_', '-')}"
-        raise UsageError("CLI012", f"{option} does not go with --backup; edit the cell instead")
-    made = cell_from_backup(options["backup"], options["name"] or output.stem, options["robot"])
-    must_load(made.text)
-    write_files({output: made.text.encode("utf-8")})
-    for note in made.notes:
+    draft = draft_from_backup(options["backup"], options, output)
+    draft.write()
+    for note in draft.facts["notes"]:
         session.say(f"note: {note}")
-    facts = {"file": str(output), "robot": made.robot, "notes": list(made.notes), **made.facts}
-    session.document({"schema": "postproc.new_cell/1", **facts})
-    counts = f"{len(made.facts['tools'])} tools, {len(made.facts['bases'])} bases"
+    session.document(draft.document)
+    counts = f"{len(draft.facts['tools'])} tools, {len(draft.facts['bases'])} bases"
     session.show(
-        f"{output}: cell with {made.robot}, {counts}; give the tools their axis, then: "
+        f"{output}: cell with {draft.robot}, {counts}; give the tools their axis, then: "
         f"postproc check {output} --backup {options['backup']}"
     )
     return answer(good=True)
 
 
 def _output(options: dict[str, Any]) -> Path:
+    from postproc.jobs.new_cell import require_free
+
     if not (options["output"] or options["backup"] or options["urdf"]):
         raise UsageError("CLI010", "no file to write, expected -o CELL.toml")
     output = Path(options["output"] or "cell.toml")
-    if output.exists() and not options["force"]:
-        raise UsageError(
-            "CLI011", "is there already", SourceRef(str(output)), "--force overwrites it"
-        )
+    require_free(output, options["force"])
     return output
 
 
