@@ -31,6 +31,7 @@ from postproc.cell.choices import (
     Split,
     Strategy,
 )
+from postproc.cell.edit import base_location, edited_cell
 from postproc.cell.file import cell_toml, load_cell, parse_cell
 from postproc.cell.forms import cam_key
 from postproc.cell.instrument import Instrument
@@ -92,11 +93,13 @@ __all__ = [
     "Tool",
     "UrdfGeometry",
     "Workpiece",
+    "base_location",
     "cam_key",
     "cell_files",
     "cell_reference",
     "cell_text",
     "cell_toml",
+    "edited_cell",
     "expanded",
     "find_robot",
     "find_urdf",

@@ -41,6 +41,7 @@ COMMANDS = {
     "identify": "Joint stiffness from measurements.",
     "diagnose": "The sim-to-real gap: where, which effect, how far it shrinks.",
     "predict": "Tool points that the model expects.",
+    "fit-base": "The base of a part from measured datum points.",
     "stiffness": "Stiffness index over the rotation about the tool axis.",
     "explain": "Cause and remedy of a finding code.",
     "robots": "The built-in robots and where each number is from.",

@@ -10,6 +10,7 @@ from postproc.measurement.columns import (
     SPEED,
     WRENCH,
 )
+from postproc.measurement.datum import BaseFit, DatumPoints, fit_base, read_datum_points
 from postproc.measurement.fill_in import cells, table_to_fill_in
 from postproc.measurement.readings import Readings, has_points, only_points, readings_of
 from postproc.measurement.registration import (
@@ -35,11 +36,14 @@ __all__ = [
     "POSITION",
     "SPEED",
     "WRENCH",
+    "BaseFit",
+    "DatumPoints",
     "MeasurementSet",
     "Readings",
     "Remark",
     "SetUps",
     "cells",
+    "fit_base",
     "fit_registration",
     "frames_of",
     "has_points",
@@ -48,6 +52,7 @@ __all__ = [
     "points_of",
     "points_of_rows",
     "read_campaign",
+    "read_datum_points",
     "readings_of",
     "repaired",
     "rigid_motion",

@@ -7,9 +7,7 @@ columns are kept as conditions that may explain a gap: numbers where every cell 
 
 from __future__ import annotations
 
-import csv
 import difflib
-import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -17,8 +15,7 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.errors import DataError, SourceRef
-from postproc.files import read_bytes
+from postproc.errors import DataError
 from postproc.measurement.columns import (
     DIRECTION,
     KNOWN,
@@ -31,11 +28,8 @@ from postproc.measurement.columns import (
     Quantity,
 )
 from postproc.measurement.rows import MeasurementSet, Remark
-from postproc.records import dataclass
+from postproc.measurement.table import Table, numbers, read_table
 
-LARGEST = 1e15
-"""No reading in any unit of the columns comes near this."""
-_DECIMAL = re.compile(r"\s*[+-]?\d*[.,]\d+([eE][+-]?\d+)?\s*")
 MOST = 0.5
 """Share of empty cells from which a quantity was not logged: most would be guessed."""
 
@@ -58,7 +52,7 @@ def read_measurements(path: str | Path, set_aside: bool = False) -> MeasurementS
             MEA010 an incomplete set of columns or cells.
         ReadError: IO001, IO002.
     """
-    table = _read_table(path)
+    table = read_table(path)
     _check_header(table)
     ids = _labels(table, "id") or tuple(str(row + 1) for row in range(len(table.line)))
     remarks: list[Remark] = []
@@ -86,8 +80,8 @@ def _is_empty(cell: str) -> bool:
 
 
 def _without_gaps(
-    table: _Table, ids: tuple[str, ...], remarks: list[Remark]
-) -> tuple[_Table, tuple[str, ...]]:
+    table: Table, ids: tuple[str, ...], remarks: list[Remark]
+) -> tuple[Table, tuple[str, ...]]:
     """Return the rows with all joint angles and a reading; all of them where none has."""
     needed = [n for part in QUANTITIES if part.empty is Empty.ERROR for n in part.names]
     read = [
@@ -110,7 +104,7 @@ def _without_gaps(
         name: [cells[row] for row in kept] for name, cells in table.columns.items()
     }
     line = [table.line[row] for row in kept]
-    return _Table(table.path, table.header_line, columns, line), tuple(ids[row] for row in kept)
+    return Table(table.path, table.header_line, columns, line), tuple(ids[row] for row in kept)
 
 
 def _filled(
@@ -140,103 +134,7 @@ def _filled(
     return np.where(empty, np.interp(course, course[known], values[known]), values)
 
 
-@dataclass(frozen=True, slots=True)
-class _Table:
-    """Cells by column, and the source line of each row."""
-
-    path: str
-    header_line: int
-    columns: dict[str, Sequence[str]]
-    line: list[int]
-
-    def error(self, code: str, message: str, row: int | None = None, hint: str = "") -> DataError:
-        """Return an error at a row, or at the header."""
-        line = self.header_line if row is None else self.line[row]
-        return DataError(code, message, SourceRef(self.path, line), hint)
-
-
-def _read_table(path: str | Path) -> _Table:
-    raw = read_bytes(path)
-    try:
-        text = raw.decode("utf-8-sig")
-    except UnicodeDecodeError as problem:
-        line = raw[: problem.start].count(b"\n") + 1
-        raise DataError("MEA001", "not a text file in UTF-8", SourceRef(str(path), line)) from None
-    if "\0" in text:
-        line = text[: text.index("\0")].count("\n") + 1
-        raise DataError("MEA001", "not a text file", SourceRef(str(path), line))
-    rows, lines, separator = _cells(text)
-    if len(rows) < 2:
-        raise DataError(
-            "MEA002",
-            "no measurements, expected a header row and at least one row of numbers",
-            SourceRef(str(path), lines[0] if lines else 1),
-        )
-    header = [name.strip() for name in rows[0]]
-    table = _Table(str(path), lines[0], {}, lines[1:])
-    for row, cells in enumerate(rows[1:]):
-        if len(cells) != len(header):
-            raise table.error(
-                "MEA005", f"{len(cells)} cells, expected {len(header)} as in the header", row
-            )
-    for index, name in enumerate(header):
-        if name in table.columns:
-            raise table.error("MEA003", f"column {name!r} is there twice")
-        if name:
-            table.columns[name] = [cells[index] for cells in rows[1:]]
-    if separator != ",":
-        _decimals_by_point(table)
-    return table
-
-
-def _decimals_by_point(table: _Table) -> None:
-    """Write the decimals of a file with a point, where all of them have a comma."""
-    numbers = {n: cells for n, cells in table.columns.items() if n not in ("id", *LABELS)}
-    found = {
-        mark: (row, name, cell)
-        for name, cells in numbers.items()
-        for row, cell in enumerate(cells)
-        for mark in ",."
-        if mark in cell and _DECIMAL.fullmatch(cell)
-    }
-    if len(found) > 1:
-        (_, of_comma, comma), (row, of_point, point) = found[","], found["."]
-        raise table.error(
-            "MEA006",
-            f"{of_point} is {point.strip()} and {of_comma} is {comma.strip()}: decimals with a "
-            "point and with a comma",
-            row,
-            hint="write all decimals of the file alike",
-        )
-    if "," in found:
-        for name, cells in numbers.items():
-            table.columns[name] = [
-                cell.replace(",", ".") if _DECIMAL.fullmatch(cell) else cell for cell in cells
-            ]
-
-
-def _cells(text: str) -> tuple[list[list[str]], list[int], str]:
-    """Return rows of cells, their lines, and what separates the cells."""
-    rows: list[list[str]] = []
-    separator = ""
-    lines: list[int] = []
-    quoted = '"' in text
-    for number, line in enumerate(text.split("\n"), start=1):
-        content = line.strip(" \r")  # a tab may stand between cells
-        if not content.strip() or content.startswith("#"):
-            continue
-        if not separator:
-            separator = next((mark for mark in ",;\t" if mark in content), ",")
-        rows.append(
-            next(csv.reader([content], delimiter=separator, skipinitialspace=True))
-            if quoted
-            else content.split(separator)
-        )
-        lines.append(number)
-    return rows, lines, separator
-
-
-def _check_header(table: _Table) -> None:
+def _check_header(table: Table) -> None:
     needed = [n for part in QUANTITIES if part.empty is Empty.ERROR for n in part.names]
     others = any(name in table.columns for name in ("u_mm", "length_mm", "plane"))
     if not others or any(name in table.columns for name in POSITION):
@@ -251,7 +149,7 @@ def _check_header(table: _Table) -> None:
         raise table.error("MEA004", f"no column {name!r}, which every measurement needs", hint=hint)
 
 
-def _check_readings(table: _Table, values: dict[str, Any]) -> None:
+def _check_readings(table: Table, values: dict[str, Any]) -> None:
     """Refuse rows that read nothing, and readings that lack what they are of."""
     n = len(table.line)
     blank = np.full((n, 3), np.nan)
@@ -282,57 +180,15 @@ def _check_readings(table: _Table, values: dict[str, Any]) -> None:
             raise table.error(code, f"the row {what}", int(np.argmax(rows)))
 
 
-def _numbers(table: _Table, name: str) -> FloatArray:
-    """Return a column as numbers; an empty cell is NaN."""
-    values = _parsed(table, name)
-    bad = np.flatnonzero(np.isfinite(values) & (np.abs(values) > LARGEST))
-    if len(bad):
-        row = int(bad[0])
-        text = table.columns[name][row].strip()[:40]
-        raise table.error("MEA006", f"{name} is {text}, expected at most {LARGEST:g}", row)
-    return values
-
-
-def _parsed(table: _Table, name: str) -> FloatArray:
-    cells = table.columns[name]
-    is_plain = not any("_" in cell for cell in cells)  # digits of a program, not of a file
-    try:
-        if is_plain:
-            return np.array(cells, dtype=np.float64)
-    except ValueError:
-        pass
-    values = np.full(len(cells), np.nan)
-    for row, cell in enumerate(cells):
-        text = cell.strip()
-        if not text:
-            continue
-        try:
-            values[row] = float("none" if "_" in text else text)
-        except ValueError:
-            raise table.error(
-                "MEA006", f"{name} is {text[:40]!r}, expected a number", row
-            ) from None
-    return values
-
-
-def _finite(table: _Table, name: str, values: FloatArray) -> FloatArray:
-    bad = np.flatnonzero(~np.isfinite(values))
-    if len(bad):
-        row = int(bad[0])
-        shown = table.columns[name][row].strip() or "empty"
-        raise table.error("MEA007", f"{name} is {shown}, expected a finite number", row)
-    return values
-
-
 def _quantity(
-    table: _Table,
+    table: Table,
     part: Quantity,
     ids: tuple[str, ...],
     remarks: list[Remark],
     time: FloatArray | None,
 ) -> FloatArray | None:
     """Return (n, k) or (n,) in SI; None where the file does not have it."""
-    columns = {name: _numbers(table, name) for name in part.names if name in table.columns}
+    columns = {name: numbers(table, name) for name in part.names if name in table.columns}
     if part.empty is Empty.BETWEEN:
         filled = {name: _filled(name, v, ids, remarks, time) for name, v in columns.items()}
         columns = {name: values for name, values in filled.items() if values is not None}
@@ -350,7 +206,7 @@ def _quantity(
     return stacked if len(part.names) > 1 else stacked[:, 0]
 
 
-def _check(table: _Table, name: str, values: FloatArray, part: Quantity) -> None:
+def _check(table: Table, name: str, values: FloatArray, part: Quantity) -> None:
     """Refuse numbers that no reading has; empty cells become 0 where they mean nothing."""
     cells = table.columns[name]
     if part.empty is Empty.ZERO:
@@ -367,7 +223,7 @@ def _check(table: _Table, name: str, values: FloatArray, part: Quantity) -> None
         raise table.error("MEA008", f"{name} is {shown}: wrong unit?", row)
 
 
-def _check_direction(table: _Table, values: FloatArray | None) -> None:
+def _check_direction(table: Table, values: FloatArray | None) -> None:
     if values is None:
         return
     for row, joint in np.argwhere(~np.isin(values, (-1.0, 0.0, 1.0))).tolist():
@@ -375,16 +231,16 @@ def _check_direction(table: _Table, values: FloatArray | None) -> None:
         raise table.error("MEA009", f"{shown}, expected -1, 0 or +1", row)
 
 
-def _labels(table: _Table, name: str) -> tuple[str, ...] | None:
+def _labels(table: Table, name: str) -> tuple[str, ...] | None:
     cells = table.columns.get(name)
     return None if cells is None else tuple(cell.strip() for cell in cells)
 
 
-def _extra(table: _Table, name: str) -> Any:  # noqa: ANN401 - numbers or labels
+def _extra(table: Table, name: str) -> Any:  # noqa: ANN401 - numbers or labels
     if name in NAMED_CONDITIONS:
         return _labels(table, name)
     try:
-        values = _numbers(table, name)
+        values = numbers(table, name)
     except DataError:
         return _labels(table, name)
     values[~np.isfinite(values)] = np.nan

@@ -146,14 +146,22 @@ def points_of(registration: Registration, rows: SetUps | None) -> FloatArray:
     return np.array([registration.reflectors[name] for name in rows.reflectors])[rows.reflector]
 
 
-def rigid_motion(points: FloatArray, measured: FloatArray) -> FloatArray:
+def rigid_motion(
+    points: FloatArray, measured: FloatArray, weight: FloatArray | None = None
+) -> FloatArray:
     """Return the rigid motion (4, 4) that takes points (n, 3) to measured ones.
+
+    Args:
+        points: (n, 3).
+        measured: (n, 3).
+        weight: (n,) of each point, 1 / variance; None: all alike.
 
     Source:
         Kabsch 1976, Acta Cryst. A32, 922.
     """
-    a, b = points.mean(axis=0), measured.mean(axis=0)
-    u, _, vt = np.linalg.svd((measured - b).T @ (points - a))
+    w = np.ones(len(points)) if weight is None else weight
+    a, b = (np.average(at, axis=0, weights=w) for at in (points, measured))
+    u, _, vt = np.linalg.svd((measured - b).T @ (w[:, None] * (points - a)))
     R = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
     return transform(R, b - R @ a)
 

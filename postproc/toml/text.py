@@ -92,7 +92,7 @@ def parse_toml(raw: bytes, path: str | Path, error: type[PostprocError], code: s
         raise error(code, "lists are nested too deeply", SourceRef(str(path))) from None
     if _depth(data) > _DEEPEST:
         raise error(code, "lists are nested too deeply", SourceRef(str(path)))
-    return TomlText(str(path), data, _Scanner(text).scan(), lines)
+    return TomlText(str(path), data, Scanner(text).scan(), lines)
 
 
 def _where(message: str, last_line: int) -> tuple[str, int]:
@@ -113,13 +113,17 @@ def _depth(value: object) -> int:
     return deepest
 
 
-class _Scanner:
+class Scanner:
     """Follows valid TOML text and notes the line of every key and list entry."""
 
     def __init__(self, text: str) -> None:
         self.text = text
         self.at = 0
         self.lines: dict[Location, int] = {}
+        self.spans: dict[Location, tuple[int, int]] = {}
+        """Where the value of each key and list entry stands in the text."""
+        self.headers: dict[Location, int] = {}
+        """Where the header of each table ends."""
         self.counts: dict[Location, int] = {}
         self._line_at, self._line = 0, 1
 
@@ -165,6 +169,7 @@ class _Scanner:
         self._note(location)
         self._skip()
         self.at += 2 if is_list else 1
+        self.headers[location] = self.at
         return location
 
     def _assignment(self, table: Location) -> None:
@@ -204,7 +209,7 @@ class _Scanner:
         return None
 
     def _value(self, location: Location) -> None:
-        self._skip()
+        start = self._skip()
         opening = self.text[self.at : self.at + 1]
         if opening == "[":
             self._list(location)
@@ -213,6 +218,7 @@ class _Scanner:
         elif self._string() is None:
             found = _SCALAR.match(self.text, self.at)
             self.at = found.end() if found else self.at + 1
+        self.spans[location] = (start, self.at)
 
     def _list(self, location: Location) -> None:
         self.at += 1

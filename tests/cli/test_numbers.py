@@ -80,6 +80,7 @@ class Input:
     skip: str = r"$^"
 
 
+DATUM = (FIXTURES / "measuring_plan" / "datum.csv").read_text(encoding="utf-8")
 CELL = CELL_TEXT + '[[obstacles]]\nname = "o"\nbox = { size_mm = [100, 100, 100] }\n'
 CAMPAIGN = HEAD + "\n" + "\n".join(ROW.format(i) for i in range(6)) + "\n"
 LARGE = ("1e308", "(mass_kg|feed_mm_min|approximation_mm|joint_Nmm_per_rad)")
@@ -101,6 +102,13 @@ INPUTS = {
         {"c.toml": CELL_TEXT},
         known=(("nan", ""),),
         skip=f"{HEAD[:6]}|^[013-5],",
+    ),
+    "datum": Input(
+        "d.csv",
+        DATUM,
+        "fit-base d.csv --cell c.toml",
+        {"c.toml": CELL_TEXT},
+        skip="id,",
     ),
     "model": Input(
         "model.toml",

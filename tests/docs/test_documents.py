@@ -23,6 +23,7 @@ TRIM, CELL = str(FIXTURES / "trim_5axis" / "trim.cls"), str(FIXTURES / "trim_5ax
 RAIL = str(FIXTURES / "rail_panel" / "panel.csv")
 DRIFT = FIXTURES / "drift_campaign"
 ROWS, ARM = str(DRIFT / "measured.csv"), str(DRIFT / "cell.toml")
+DATUM = str(FIXTURES / "measuring_plan" / "datum.csv")
 EXPECTED = str(FIXTURES / "trim_5axis" / "expected")
 BOX = ["--box", "1400", "-200", "900", "1700", "200", "1200", "--grid", "200"]
 CALLS = {
@@ -51,6 +52,7 @@ CALLS = {
     "predict": ["predict", ROWS, "--cell", ARM, "-o", "expected.csv"],
     "batch": ["batch", TRIM, "--cell", CELL, "-o", "batch", "--jobs", "1"],
     "batch check": ["batch", TRIM, "--cell", CELL, "-o", "batch", "--check", "--jobs", "1"],
+    "fit-base": ["fit-base", DATUM, "--cell", CELL, "--job", TRIM],
     "error": ["inspect", "nobody.apt"],
     "new-cell": ["new-cell", "-o", "new.toml", "--robot", "kuka_kr500_r2830"],
 }

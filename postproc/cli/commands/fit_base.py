@@ -1,0 +1,62 @@
+"""``postproc fit-base``: the base of a part from datum points measured on its fixture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from postproc.cli.common import Session, answer, read_cam, reading_options, standard_options
+
+EPILOG = """\b
+Examples:
+  postproc fit-base points.csv --cell cell.toml
+  postproc fit-base points.csv --cell cell.toml --job holes.csv -o cell2.toml
+"""
+
+
+@click.command(epilog=EPILOG)
+@click.argument("points", metavar="POINTS.csv")
+@click.option("--cell", required=True, metavar="CELL.toml", help="The robot cell.")
+@click.option("--base", type=int, metavar="N", help="BASE number, in a cell with several.")
+@click.option("--job", metavar="INPUT", help="CAM file: how sure its holes are.")
+@click.option("-o", "--output", metavar="CELL2.toml", help="Write the cell with the fitted base.")
+@reading_options
+@standard_options
+def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
+    """Fit the base to datum points: nominal on the part, measured in the robot root.
+
+    Columns id, x_mm, y_mm, z_mm (nominal, in the base), mx_mm, my_mm, mz_mm (measured) and, where
+    it is known, sigma_mm. Points that the others refute are named and left out. Prints BASE_DATA
+    for $config.dat. Exit code 1, and no cell, if the points contradict each other.
+    """
+    from postproc.cell import load_cell
+    from postproc.files import write_files
+    from postproc.jobs.fit_base import base_of_points
+
+    cell = load_cell(options["cell"])
+    toolpath = read_cam(options["job"], options, cell) if options["job"] else None
+    job = base_of_points(options["points"], cell, options["base"], toolpath)
+    content = job.document
+    if options["output"] and job.good:
+        write_files({Path(options["output"]): job.cell_file(options["output"])})
+    if job.points.ignored:
+        session.say(f"columns that say nothing about a base: {', '.join(job.points.ignored)}")
+    session.findings(job.findings)
+    session.document(content)
+    rows = [
+        (point["id"], *(f"{v:+.3f}" for v in point["residual_mm"]), f"{point['u95_mm']:.3f}",
+         "" if point["counts"] else "left out")
+        for point in content["points"]
+    ]  # fmt: skip
+    session.table(("point", "dx mm", "dy mm", "dz mm", "u95 mm", ""), rows)
+    at_holes = content["u95_holes_mm"]
+    holes = "" if at_holes is None else f", at the job within {at_holes:.3f} mm"
+    session.show(
+        f"residuals {content['rms_mm']:.3f} mm (rms); the base is sure within "
+        f"{content['u95_mm']:.3f} mm (95 %){holes}; moved by {content['moved']['mm']:.3f} mm, "
+        f"{content['moved']['deg']:.4f} deg"
+    )
+    session.show(job.base_data)
+    return answer(job.good)
