@@ -108,7 +108,7 @@ INPUTS = {
         DATUM,
         "fit-base d.csv --cell c.toml",
         {"c.toml": CELL_TEXT},
-        skip="id,",
+        skip="id,|#",
     ),
     "model": Input(
         "model.toml",
