@@ -1,12 +1,12 @@
 """Runs program text on the robot model and compares it with the CAM file."""
 
 from postproc.verification.cam import Tolerances
-from postproc.verification.report import Expectation, Run, VerifyReport
+from postproc.verification.report import Expectation, Played, VerifyReport
 from postproc.verification.verify import verify
 
 __all__ = [
     "Expectation",
-    "Run",
+    "Played",
     "Tolerances",
     "VerifyReport",
     "verify",

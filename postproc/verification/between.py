@@ -11,15 +11,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from postproc.arrays import AnyIntArray, BoolArray
-from postproc.cell import Cell
+from postproc.arrays import BoolArray
 from postproc.controller import EventWord, Settings, TraceEvent
 from postproc.errors import RunKind, Severity
 from postproc.paths import Paths
-from postproc.records import dataclass
-from postproc.verification.report import Remark
+from postproc.verification.report import AT_MOST, Remark, Said
+from postproc.verification.run import Cuts, Run
 
-_LISTED = 20
 _ON_THE_SPOT = 1e-5
 """On a shorter way [m] the tool turns where it is, and the orientation speed is its feed."""
 _STANDS = (EventWord.DWELL, EventWord.WAIT_FOR, EventWord.HALT)
@@ -30,46 +28,17 @@ _TURNING = ("$VEL.ORI1", "$VEL.ORI2")
 _FRAMES = ("tool", "base", "tool_number", "base_number", "load_number", "load_mass")
 
 
-@dataclass(frozen=True, slots=True)
-class Cuts:
-    """Which motions cut, and what the CAM file asks for between them.
-
-    ``number`` (m,): of the cut that a motion belongs to, -1 for none; ``asked``: places in
-    ``trace.events`` of what the file asks for; None without a file, where nobody knows which calls
-    and waits it asks for.
-    """
-
-    number: AnyIntArray
-    asked: frozenset[int] | None
-
-    @classmethod
-    def of(cls, paths: Paths, number: AnyIntArray, asked: frozenset[int] | None) -> Cuts:
-        """Return the cuts; a joint motion that stays where it is is part of the cut around it."""
-        rows, m = np.arange(len(paths)), len(paths)
-        moves = ~paths.stands
-        before = np.maximum.accumulate(np.where(moves, rows, -1))
-        behind = np.minimum.accumulate(np.where(moves, rows, m)[::-1])[::-1]
-        known = np.append(number, -1)
-        inside = ~moves & (known[before] == known[behind])
-        return cls(np.where(inside, known[before], number), asked)
-
-    @property
-    def inside(self) -> BoolArray:
-        """(m + 1,) whether the place before a motion is between two motions of one cut."""
-        same = (self.number[1:] == self.number[:-1]) & (self.number[1:] >= 0)
-        return np.r_[False, same, False] if len(self.number) else np.zeros(1, dtype=np.bool_)
-
-
-def check_between(paths: Paths, cuts: Cuts) -> Iterator[Remark]:
+def check_between(run: Run) -> Iterator[Said]:
     """Yield what stands in the middle of a cut and is not in the CAM file.
 
     Without a file the speed alone tells what cuts, so it is no more than worth a warning.
     """
+    paths, cuts = run.paths, run.cuts
     trace, found = paths.trace, 0
     severity = Severity.WARNING if cuts.asked is None else Severity.ERROR
     for event, text in (*_unasked(paths, cuts), *_asides(paths, cuts)):
         found += 1
-        if found <= _LISTED:
+        if found <= AT_MOST:
             kind = RunKind.DWELL if event.word in _STANDS else RunKind.EVENT
             yield Remark(kind, trace.place_of(event), f"{event.name} {text}", severity)
     at = np.flatnonzero(cuts.inside[1:-1]) + 1
@@ -80,9 +49,9 @@ def check_between(paths: Paths, cuts: Cuts) -> Iterator[Remark]:
         before, after = (trace.settings[trace.setting[k]] for k in (motion - 1, motion))
         names = list(_changed(before, after, _JUDGED + _TURNING * on_the_spot))
         found += bool(names)
-        if names and found <= _LISTED:
+        if names and found <= AT_MOST:
             text = f"{', '.join(names)} changes in the middle of a cut: the CAM file has none of it"
-            yield Remark(RunKind.EVENT, trace.place(motion), text, severity)
+            yield Remark(RunKind.EVENT, motion, text, severity)
 
 
 def _changed(before: Settings, after: Settings, judged: tuple[str, ...]) -> Iterator[str]:
@@ -139,11 +108,12 @@ def _words(event: TraceEvent, inside: BoolArray) -> str:
     return f"{where}: {what}"
 
 
-def check_advance(paths: Paths, cell: Cell) -> Iterator[Remark]:
+def check_advance(run: Run) -> Iterator[Said]:
     """Yield what the advance run lets happen before the motions that stand in front of it."""
+    cell, trace = run.cell, run.paths.trace
     hooks = {name.upper() for name in cell.krl.hooks.values()}
     outputs = {f"$OUT[{number}]" for number in cell.krl.outputs.values()}
-    trace, surmised, found = paths.trace, [], 0
+    surmised, found = [], 0
     for event in trace.events:
         is_own = event.word in _STANDS or event.name in hooks | outputs
         if not (event.early and is_own):
@@ -152,7 +122,7 @@ def check_advance(paths: Paths, cell: Cell) -> Iterator[Remark]:
             surmised.append(event)
             continue
         found += 1
-        if found <= _LISTED:
+        if found <= AT_MOST:
             text = f"{event.name} acts up to {event.early} motions early: nothing stops the advance"
             yield Remark(RunKind.ADVANCE, trace.place_of(event), f"{text} run before it")
     if surmised:

@@ -2,48 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
 from postproc.arrays import AnyIntArray, BoolArray, FloatArray
-from postproc.cell import Cell
 from postproc.errors import RunKind, Severity
-from postproc.krl import KrlModule
 from postproc.paths import chains, motion_times
 from postproc.units import MEGABYTE, MM, MM_PER_MIN, MS
-from postproc.verification.report import Result
+from postproc.verification.report import Remark, Said
+from postproc.verification.run import Run
 
 _HELD = 0.98
 """A speed that is held up to this share is held."""
 
 
-def check_capacity(result: Result, cell: Cell, modules: Sequence[KrlModule]) -> None:
+def check_capacity(run: Run) -> Iterator[Said]:
     """Warn where the program asks more of the controller than ``[krl]`` says it can do.
 
     A block of splines is planned as one motion; single ones and motions that stop count no rate.
     """
+    cell = run.cell
     size = sum(
         facts.size
-        for module in modules
+        for module in run.modules
         for facts in (module.src_facts, module.dat_facts)
         if facts is not None
     )
     if size > cell.krl.memory:
-        result.finding(
+        yield Remark(
             RunKind.MEMORY,
             0,
             f"the files take {size / MEGABYTE:.1f} MB, memory for programs is about "
             f"{cell.krl.memory / MEGABYTE:g} MB",
             Severity.WARNING,
         )
-    trace = result.paths.trace
+    trace = run.paths.trace
     rows = np.flatnonzero(trace.is_cp & (trace.block < 0) & (trace.column("advance") > 0))
     if len(rows):
         ahead = int(trace.column("advance")[rows].max())
-        chain = chains(result.paths)
-        _check_rate(result, cell, rows[_followed(rows, chain, ahead - 1)], ahead)
-        _check_look_ahead(result, rows[_followed(rows, chain, ahead + 1)], ahead)
+        chain = chains(run.paths)
+        yield from _check_rate(run, rows[_followed(rows, chain, ahead - 1)], ahead)
+        yield from _check_look_ahead(run, rows[_followed(rows, chain, ahead + 1)], ahead)
 
 
 def _followed(rows: AnyIntArray, chain: AnyIntArray, count: int) -> BoolArray:
@@ -56,15 +56,16 @@ def _followed(rows: AnyIntArray, chain: AnyIntArray, count: int) -> BoolArray:
     return result
 
 
-def _check_rate(result: Result, cell: Cell, rows: AnyIntArray, ahead: int) -> None:
+def _check_rate(run: Run, rows: AnyIntArray, ahead: int) -> Iterator[Said]:
     """Warn where as many motions as are planned ahead take less time than planning them does."""
-    total = _summed(motion_times(result.paths))
+    cell = run.cell
+    total = _summed(motion_times(run.paths))
     times = total[rows + ahead] - total[rows]
     fast = np.flatnonzero(times < ahead * cell.krl.block_time * _HELD)
     if not len(fast):
         return
     worst = int(fast[np.argmin(times[fast])])
-    result.finding(
+    yield Remark(
         RunKind.BLOCK_RATE,
         int(rows[worst]),
         f"{ahead / max(times[worst], 1e-9):.0f} points per second, the controller plans about "
@@ -74,9 +75,9 @@ def _check_rate(result: Result, cell: Cell, rows: AnyIntArray, ahead: int) -> No
     )
 
 
-def _check_look_ahead(result: Result, rows: AnyIntArray, ahead: int) -> None:
+def _check_look_ahead(run: Run, rows: AnyIntArray, ahead: int) -> Iterator[Said]:
     """Warn where the motions planned ahead are shorter than the way in which the robot stops."""
-    trace, total = result.paths.trace, _summed(result.paths.curves.length)
+    trace, total = run.paths.trace, _summed(run.paths.curves.length)
     planned = total[rows + 1 + ahead] - total[rows + 1]
     speed, push = trace.column("speed")[rows], trace.column("acceleration")[rows]
     most = np.sqrt(2.0 * push * planned)
@@ -84,7 +85,7 @@ def _check_look_ahead(result: Result, rows: AnyIntArray, ahead: int) -> None:
     if not len(short):
         return
     worst = int(short[np.argmin((most / speed)[short])])
-    result.finding(
+    yield Remark(
         RunKind.LOOK_AHEAD,
         int(rows[worst]),
         f"{ahead} motions planned ahead are {planned[worst] / MM:.2f} mm: {most[worst]:.3f} m/s "

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from postproc.arrays import AnyIntArray, BoolArray, FloatArray
@@ -17,7 +19,8 @@ from postproc.kinematics import (
 )
 from postproc.paths import SLOWEST, Paths, speed_shares
 from postproc.units import DEG, MM, PERCENT
-from postproc.verification.report import Result
+from postproc.verification.report import Measure, Remark, Said
+from postproc.verification.run import Run
 
 SLACK = 0.01 * DEG
 """Digits of the text may cost this much of a margin [rad]."""
@@ -28,25 +31,25 @@ _HELD = 1e-5
 """An external axis that moves by less [m or rad] stands still: digits of the text."""
 
 
-def check_joints(result: Result, cell: Cell, kinematics: Kinematics) -> None:
+def check_joints(run: Run) -> Iterator[Said]:
     """Check limits and distances to singularities at all ends and samples."""
-    paths = result.paths
+    paths = run.paths
     m = len(paths.q)
     q = np.concatenate([paths.q, paths.q_sample])
     motion = np.concatenate([np.arange(m), paths.row])
     known = np.isfinite(q).all(axis=1)
     if not known.any():
         return
-    _limits(result, q[known], motion[known], cell, kinematics)
+    yield from _limits(run, q[known], motion[known])
     on_path = np.concatenate([_touches_path(paths), np.ones(len(paths.row), dtype=np.bool_)])
     rows = known & on_path
     if rows.any():
-        _singularities(result, q[rows], motion[rows], cell, kinematics)
+        yield from _singularities(run, q[rows], motion[rows])
 
 
-def check_externals(result: Result, cell: Cell) -> None:
+def check_externals(run: Run) -> Iterator[Said]:
     """Check external axes against their limits, and that the program says where they are."""
-    paths, trace = result.paths, result.paths.trace
+    paths, trace, cell = run.paths, run.paths.trace, run.cell
     known = [int(axis.name[1]) - 1 for axis in cell.external_axes]
     other = np.delete(np.nan_to_num(trace.external), known, axis=1)
     driven = np.argwhere(other != 0.0)  # a controller without the axis writes 0 itself
@@ -54,18 +57,18 @@ def check_externals(result: Result, cell: Cell) -> None:
         motion, column = driven[0].tolist()
         name = f"E{np.delete(np.arange(1, 7), known)[column]}"
         text = f"{name} goes to {other[motion, column]:g}, and the cell has no such axis: the "
-        result.finding(RunKind.EXTERNAL, motion, f"{text}program was made for another cell")
+        yield Remark(RunKind.EXTERNAL, motion, f"{text}program was made for another cell")
     for column, axis in enumerate(cell.external_axes):
         unit, name = (MM, "mm") if axis.kind == "rail" else (DEG, "deg")
         written = trace.external[:, int(axis.name[1]) - 1]
         if len(trace) and np.isnan(written).all():
-            result.finding(
+            yield Remark(
                 RunKind.EXTERNAL, 0, f"no motion says where {axis.name} is", Severity.WARNING
             )
         values = paths.external[:, column]
         bad = np.flatnonzero((values < axis.q_min - 1e-9) | (values > axis.q_max + 1e-9))
         if len(bad):
-            result.finding(
+            yield Remark(
                 RunKind.JOINT_LIMIT,
                 int(bad[0]),
                 f"{axis.name} at {values[bad[0]] / unit:.3f} {name} is beyond its limit "
@@ -73,17 +76,17 @@ def check_externals(result: Result, cell: Cell) -> None:
             )
 
 
-def check_held(result: Result, cell: Cell, is_cut: BoolArray) -> None:
-    """Check that external axes which may not move in cuts stand still on motions (m,) that cut."""
-    paths = result.paths
-    for column, axis in enumerate(cell.external_axes):
+def check_held(run: Run) -> Iterator[Said]:
+    """Check that external axes which may not move in cuts stand still in those of a CAM file."""
+    paths, is_cut = run.paths, run.is_cut
+    for column, axis in enumerate(run.cell.external_axes if run.has_file else ()):
         if axis.moves_in_cuts:
             continue
         step = np.diff(paths.external[:, column], prepend=paths.external[:1, column])
         bad = np.flatnonzero(is_cut & (np.abs(step) > _HELD))
         if len(bad):
             text = f"{axis.name} moves while the tool cuts, and moves_in_cuts is false: {len(bad)}"
-            result.finding(RunKind.EXTERNAL, int(bad[0]), f"{text} motions")
+            yield Remark(RunKind.EXTERNAL, int(bad[0]), f"{text} motions")
 
 
 def _touches_path(paths: Paths) -> BoolArray:
@@ -92,14 +95,13 @@ def _touches_path(paths: Paths) -> BoolArray:
     return np.asarray(is_cp | np.r_[is_cp[1:], False])
 
 
-def _limits(
-    result: Result, q: FloatArray, motion: AnyIntArray, cell: Cell, kinematics: Kinematics
-) -> None:
+def _limits(run: Run, q: FloatArray, motion: AnyIntArray) -> Iterator[Said]:
+    cell, kinematics = run.cell, run.kinematics
     margin = np.minimum(q - kinematics.q_min, kinematics.q_max - q)
     wanted = _wanted(q, motion, cell, kinematics)
     tightest = int(margin.min(axis=1).argmin())
     axis = int(margin[tightest].argmin())
-    result.measure(
+    yield Measure(
         "joint_margin",
         float(margin[tightest, axis] / DEG),
         "deg",
@@ -115,7 +117,7 @@ def _limits(
         what = (
             "beyond its limit" if margin[row, axis] < 0.0 else "nearer to its limit than the margin"
         )
-        result.finding(
+        yield Remark(
             RunKind.JOINT_LIMIT,
             int(motion[row]),
             f"A{axis + 1} at {q[row, axis] / DEG:.3f} deg is {what} "
@@ -139,15 +141,14 @@ def _wanted(q: FloatArray, motion: AnyIntArray, cell: Cell, kinematics: Kinemati
     return wanted
 
 
-def _singularities(
-    result: Result, q: FloatArray, motion: AnyIntArray, cell: Cell, kinematics: Kinematics
-) -> None:
+def _singularities(run: Run, q: FloatArray, motion: AnyIntArray) -> Iterator[Said]:
+    cell, kinematics = run.cell, run.kinematics
     wrist = wrist_distance(kinematics, q)
     row = int(wrist.argmin())
-    result.measure("wrist_singularity", float(wrist[row] / DEG), "deg", int(motion[row]), "A5")
+    yield Measure("wrist_singularity", float(wrist[row] / DEG), "deg", int(motion[row]), "A5")
     bad = wrist < cell.limits.singularity - SLACK
     if bad.any():
-        result.finding(
+        yield Remark(
             RunKind.SINGULARITY,
             int(motion[row]),
             f"A5 comes within {wrist[row] / DEG:.3f} deg of the straight wrist, expected at least "
@@ -155,71 +156,65 @@ def _singularities(
         )
     elbow = elbow_distance(kinematics, q)
     row = int(elbow.argmin())
-    result.measure("stretched_arm", float(elbow[row] / DEG), "deg", int(motion[row]), "A3")
+    yield Measure("stretched_arm", float(elbow[row] / DEG), "deg", int(motion[row]), "A3")
     if elbow[row] < STRETCHED:
         detail = f"the arm is within {elbow[row] / DEG:.2f} deg of being stretched"
-        result.finding(RunKind.STRETCHED, int(motion[row]), detail, Severity.WARNING)
+        yield Remark(RunKind.STRETCHED, int(motion[row]), detail, Severity.WARNING)
     if kinematics.arm is not None:
-        _overhead(result, shoulder_distance(kinematics, q), motion)
+        yield from _overhead(shoulder_distance(kinematics, q), motion)
 
 
-def _overhead(result: Result, distance: FloatArray, motion: AnyIntArray) -> None:
+def _overhead(distance: FloatArray, motion: AnyIntArray) -> Iterator[Said]:
     row = int(distance.argmin())
-    result.measure("wrist_over_A1", float(distance[row] / MM), "mm", int(motion[row]))
+    yield Measure("wrist_over_A1", float(distance[row] / MM), "mm", int(motion[row]))
     if distance[row] < OVERHEAD:
         detail = f"the wrist centre passes within {distance[row] / MM:.0f} mm of axis 1"
-        result.finding(RunKind.OVERHEAD, int(motion[row]), detail, Severity.WARNING)
+        yield Remark(RunKind.OVERHEAD, int(motion[row]), detail, Severity.WARNING)
 
 
 # -------------------------------------------------------------------------------------- speeds
 
 
-def check_speeds(result: Result, cell: Cell, is_cut: BoolArray) -> None:
-    """Check the axis speeds that the programmed path speed needs.
-
-    Args:
-        result: collects.
-        cell: speed limits of the axes.
-        is_cut: (m,) motions that cut.
-    """
-    paths, trace = result.paths, result.paths.trace
+def check_speeds(run: Run) -> Iterator[Said]:
+    """Check the axis speeds that the programmed path speed needs."""
+    paths, trace, cell = run.paths, run.paths.trace, run.cell
     if not len(paths.row):
         return
     still = np.flatnonzero(trace.is_cp & (trace.column("speed") < SLOWEST))
     if len(still):
         speed = float(trace.column("speed")[still[0]])
         detail = f"a path speed of {speed:g} m/s: the robot would not move, {len(still)} motions"
-        result.finding(RunKind.SPEED, int(still[0]), detail)
+        yield Remark(RunKind.SPEED, int(still[0]), detail)
     ratio = speed_shares(paths, cell)
     names = [*(f"A{axis}" for axis in range(1, 7)), *(axis.name for axis in cell.external_axes)]
     worst = ratio.max(axis=1)
     row = int(worst.argmax())
     axis = int(ratio[row].argmax())
-    result.measure("axis_speed", float(worst[row] / PERCENT), "%", int(paths.row[row]), names[axis])
+    yield Measure("axis_speed", float(worst[row] / PERCENT), "%", int(paths.row[row]), names[axis])
     if ratio[:, 6:].any():  # external axes move with the tool: how each takes part is shown
         for axis, name in enumerate(names):
             row = int(ratio[:, axis].argmax())
             share = float(ratio[row, axis] / PERCENT)
-            result.measure(f"speed_{name}", share, "%", int(paths.row[row]), name)
-    counts = is_cut[paths.row]
-    _too_fast(result, ratio, counts, Severity.ERROR, names)
-    _too_fast(result, ratio, ~counts, Severity.WARNING, names)
+            yield Measure(f"speed_{name}", share, "%", int(paths.row[row]), name)
+    counts = run.is_cut[paths.row]
+    yield from _too_fast(run, ratio, counts, Severity.ERROR, names)
+    yield from _too_fast(run, ratio, ~counts, Severity.WARNING, names)
 
 
 def _too_fast(
-    result: Result, ratio: FloatArray, rows: BoolArray, severity: Severity, names: list[str]
-) -> None:
+    run: Run, ratio: FloatArray, rows: BoolArray, severity: Severity, names: list[str]
+) -> Iterator[Said]:
     worst = ratio.max(axis=1)
     bad = rows & (worst > 1.0 + SPEED_SLACK)
     if not bad.any():
         return
     row = int(np.argmax(np.where(bad, worst, 0.0)))
     axis = int(ratio[row].argmax())
-    motions = len(np.unique(result.paths.row[bad]))
-    speed = result.paths.trace.column("speed")[result.paths.row[row]]
-    result.finding(
+    motions = len(np.unique(run.paths.row[bad]))
+    speed = run.paths.trace.column("speed")[run.paths.row[row]]
+    yield Remark(
         RunKind.AXIS_SPEED,
-        int(result.paths.row[row]),
+        int(run.paths.row[row]),
         f"{names[axis]} would need {worst[row] / PERCENT:.0f} % of its speed for {speed:g} m/s, "
         f"{motions} motions",
         severity,
@@ -229,27 +224,27 @@ def _too_fast(
 # ------------------------------------------------------------------------------------- blending
 
 
-def check_blending(result: Result) -> None:
+def check_blending(run: Run) -> Iterator[Said]:
     """Warn of blends that the controller cuts short or loses; measure the rounding of corners."""
-    trace = result.paths.trace
+    trace = run.paths.trace
     m = len(trace)
     if m == 0:
         return
     rows = np.flatnonzero((trace.blend == Blend.DISTANCE) & trace.is_cp)
-    _cut_short(result, rows[rows < m - 1])
+    yield from _cut_short(run, rows[rows < m - 1])
     if not trace.is_exact[-1]:
-        result.finding(RunKind.BLEND_END, m - 1, "the last motion of the program is blended")
+        yield Remark(RunKind.BLEND_END, m - 1, "the last motion of the program is blended")
     stopping = (EventWord.DWELL, EventWord.HALT, EventWord.WAIT_FOR)
     for event in trace.events:
         before = event.motion - 1
         if event.word in stopping and before >= 0 and not trace.is_exact[before]:
             detail = f"blending is lost: {event.name} stands behind it"
-            result.finding(RunKind.BLEND_LOST, before, detail, Severity.WARNING)
+            yield Remark(RunKind.BLEND_LOST, before, detail, Severity.WARNING)
 
 
-def _cut_short(result: Result, rows: AnyIntArray) -> None:
+def _cut_short(run: Run, rows: AnyIntArray) -> Iterator[Said]:
     """Warn of blends that are longer than half of a neighbouring path motion."""
-    paths, trace = result.paths, result.paths.trace
+    paths, trace = run.paths, run.paths.trace
     rows = rows[trace.is_cp[rows + 1] & np.isfinite(paths.curves.T_start[rows, 0, 3])]
     if not len(rows):
         return
@@ -257,7 +252,7 @@ def _cut_short(result: Result, rows: AnyIntArray) -> None:
     short = 0.5 * np.minimum(length[rows], length[rows + 1])
     cut = trace.column("cdis")[rows] > short * (1.0 + 1e-6) + 1e-9
     if cut.any():
-        result.finding(
+        yield Remark(
             RunKind.BLEND_CUT,
             int(rows[int(np.flatnonzero(cut)[0])]),
             f"$APO.CDIS is longer than half of a neighbouring segment at {int(cut.sum())} points",

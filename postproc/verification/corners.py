@@ -7,19 +7,20 @@ than the text says, so they may begin in the middle of the motion and end in the
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from postproc.arrays import AnyIntArray, BoolArray, FloatArray
-from postproc.cell import Cell
+from postproc.arrays import AnyIntArray, FloatArray
 from postproc.controller import Blend, MotionType
 from postproc.errors import RunKind, Severity
 from postproc.geometry import inverse
 from postproc.kinematics import NEARER, Corners, Kinematics, bound_of, corner_miss, joint_share
 from postproc.paths import Paths
 from postproc.units import DEG, MM
-from postproc.verification.report import Result
+from postproc.verification.report import AT_MOST, Measure, Remark, Said, listed
+from postproc.verification.run import Run
 
 if TYPE_CHECKING:
     from postproc.collision import Scene
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
 SLACK = 0.02
 """Digits of the text may cost this share of the tolerance of a corner."""
 _FULL_TURN = 2.0 * np.pi
-_LISTED = 20
 
 
 def blended(paths: Paths) -> AnyIntArray:
@@ -111,61 +111,47 @@ def _solved(
     return T, np.where(valid[:, None], q, np.nan)
 
 
-def check_corners(
-    result: Result, cell: Cell, corners: Corners, at: AnyIntArray, cut: BoolArray | None
-) -> None:
+def check_corners(run: Run) -> Iterator[Said]:
     """Measure how far corners of the part may be passed; at feed no more than the cell tolerates.
 
-    Args:
-        result: the run; collects the findings.
-        cell: the tolerance.
-        corners: at the ends of motions ``at`` (c,).
-        at: (c,) motions.
-        cut: (m,) motions that cut; None: not known, nothing is at feed.
+    Without a CAM file nothing is known to be at feed.
     """
+    at, corners, cut = run.bent, run.corners, run.is_cut
     if not len(at):
         return
     T_flange = corners.T_robroot_tcp @ inverse(corners.T_flange_tcp)[:, None]
-    station = result.paths.station
+    station = run.paths.station
     places = [station.in_part(T_flange[:, k], corners.external[:, k], at)[0] for k in range(3)]
     miss = np.nan_to_num(corner_miss(*places))
     row = int(miss.argmax())
-    result.measure("corner_rounding", float(miss[row] / MM), "mm", int(at[row]))
-    if cut is None:
+    yield Measure("corner_rounding", float(miss[row] / MM), "mm", int(at[row]))
+    if not run.has_file:
         return
-    limit = cell.motion.corner_tolerance
+    limit = run.cell.motion.corner_tolerance
     bad = np.flatnonzero(cut[at] & cut[at + 1] & (miss > limit * (1.0 + SLACK)))
-    for row in bad[np.argsort(-miss[bad], kind="stable")][:_LISTED].tolist():
+    for row, more in listed(bad, "corners", miss):
         text = f"the tool may pass this corner by {miss[row] / MM:.3f} mm, allowed {limit / MM:g}"
-        more = f", {len(bad)} such corners" if len(bad) > _LISTED else ""
-        result.finding(RunKind.CORNER, int(at[row]), text + more)
+        yield Remark(RunKind.CORNER, int(at[row]), text + more)
 
 
-def check_corner_ways(
-    result: Result,
-    cell: Cell,
-    scene: Scene,
-    kinematics: Kinematics,
-    corners: Corners,
-    at: AnyIntArray,
-    is_cut: BoolArray,
-) -> None:
-    """Search everywhere for collisions and straight wrists where the arm may go at corners.
+def check_corner_ways(run: Run, scene: Scene, rows: AnyIntArray) -> Iterator[Remark]:
+    """Search everywhere for collisions and straight wrists where the arm may go at corners (c,).
 
-    ``is_cut`` (m,): motions that cut; the cutting solid may touch the workpiece between two such.
+    The cutting solid may touch the workpiece between two motions that cut.
     """
-    bound = bound_of(kinematics, corners)
-    for row in np.flatnonzero(bound.lost)[:_LISTED].tolist():
+    at, is_cut = run.bent[rows], run.is_cut
+    bound = bound_of(run.kinematics, run.corners.rows(rows))
+    for row in np.flatnonzero(bound.lost)[:AT_MOST].tolist():
         text = "where the arm goes at this approximated corner is not known: it leaves its posture"
-        result.finding(RunKind.CORNER, int(at[row]), text, Severity.ERROR)
-    limit = cell.limits.singularity
-    for row in np.flatnonzero(~bound.lost & (bound.wrist < NEARER * limit))[:_LISTED].tolist():
+        yield Remark(RunKind.CORNER, int(at[row]), text, Severity.ERROR)
+    limit = run.cell.limits.singularity
+    for row in np.flatnonzero(~bound.lost & (bound.wrist < NEARER * limit))[:AT_MOST].tolist():
         least, least_allowed = max(bound.wrist[row], 0.0) / DEG, limit / DEG
         text = f"A5 may come within {least:.3f} deg of the straight wrist at this approximated "
         text += f"corner, expected at least {least_allowed:g} deg"
-        result.finding(RunKind.CORNER, int(at[row]), text)
+        yield Remark(RunKind.CORNER, int(at[row]), text)
     hits = scene.check_corners(bound, is_cut[at] & is_cut[at + 1])
-    for row in np.flatnonzero(hits.hit)[:_LISTED].tolist():
+    for row in np.flatnonzero(hits.hit)[:AT_MOST].tolist():
         one, two = hits.pairs[int(hits.pair[row])]
         text = f"{one} may hit {two} where this corner is approximated"
-        result.finding(RunKind.COLLISION, int(at[row]), text)
+        yield Remark(RunKind.COLLISION, int(at[row]), text)

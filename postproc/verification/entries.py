@@ -9,6 +9,7 @@ tool has come down into a cut tells how high the part is.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import islice
 
 import numpy as np
 
@@ -19,38 +20,29 @@ from postproc.paths import Paths
 from postproc.process import ALONG_AXIS, back_off, machining_speeds
 from postproc.records import dataclass
 from postproc.units import MM
-from postproc.verification.between import Cuts
-from postproc.verification.report import Remark
+from postproc.verification.report import AT_MOST, Remark, Said
+from postproc.verification.run import Cuts, Run
 
-_LISTED = 20
 _SLACK = 0.05 * MM
 _STILL = 1e-6
 """A motion shorter than this [m] goes nowhere."""
 
 
-def check_entries(paths: Paths, cell: Cell, cuts: Cuts, led: BoolArray | None) -> Iterator[Remark]:
-    """Yield the motions by which the tool comes into a cut too fast or from too low.
-
-    Args:
-        paths: what is run.
-        cell: how far a tool backs off.
-        cuts: which motions cut.
-        led: (m,) motions that end where the CAM file itself leads into a cut; None without a file.
-    """
+def check_entries(run: Run) -> Iterator[Said]:
+    """Yield the motions by which the tool comes into a cut too fast or from too low."""
+    paths, cell, cuts, led = run.paths, run.cell, run.cuts, run.cuts.led
     steps = _Steps.of(paths, cell)
     begins = _begins(paths, cuts)
     if led is None:
         lows = _too_low(steps, begins)
     else:
         lows = _not_led(steps, begins, led | (cuts.number >= 0), cell)
-    for number, motion in enumerate(lows):
-        if number < _LISTED:
-            is_joint = not paths.trace.is_cp[motion]
-            what = "a joint motion" if is_joint else "a rapid"
-            text = f"{what} ends in a cut or too low above it, expected a feed down the tool axis"
-            sure = is_joint or led is not None
-            severity = Severity.ERROR if sure else Severity.WARNING
-            yield Remark(RunKind.ENTRY, paths.trace.place(motion), text, severity)
+    for motion in islice(lows, AT_MOST):
+        is_joint = not paths.trace.is_cp[motion]
+        what = "a joint motion" if is_joint else "a rapid"
+        text = f"{what} ends in a cut or too low above it, expected a feed down the tool axis"
+        severity = Severity.ERROR if is_joint or run.has_file else Severity.WARNING
+        yield Remark(RunKind.ENTRY, motion, text, severity)
 
 
 @dataclass(frozen=True, slots=True)

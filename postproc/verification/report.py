@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
+import numpy as np
+
+from postproc.arrays import AnyIntArray, FloatArray
 from postproc.errors import Finding, RunKind, Severity, SourceRef
+from postproc.paths import Paths
 from postproc.records import dataclass
 from postproc.units import DEG, MM
 from postproc.verification.coverage import Coverage
-
-if TYPE_CHECKING:
-    from postproc.arrays import AnyIntArray, FloatArray
-    from postproc.paths import Paths
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,50 +40,69 @@ class Worst:
 
 
 class Remark(NamedTuple):
-    """What a check has to say: a finding at file and line, None for the program as a whole."""
+    """A finding at a motion, at a file and line, or, with None, about the program as a whole."""
 
     kind: RunKind
-    place: tuple[str, int] | None
+    place: int | tuple[str, int] | None
     message: str
     severity: Severity = Severity.ERROR
+    hint: str = ""
+    headline: bool = False
 
 
-@dataclass(slots=True)
-class Result:
-    """Findings and worst values of a run, collected."""
+class Measure(NamedTuple):
+    """The worst value of a measure, and its motion; a later one of the same name replaces it."""
 
-    paths: Paths
-    findings: list[Finding] = field(default_factory=list)
-    worst: dict[str, Worst] = field(default_factory=dict)
-    passed: int = 0
-    """CAM points that are passed instead of gone to."""
+    name: str
+    value: float
+    unit: str
+    motion: int
+    detail: str = ""
 
-    def finding(
-        self, kind: RunKind, motion: int, message: str, severity: Severity = Severity.ERROR
-    ) -> None:
-        """Add a finding at a motion."""
-        self.finding_at(kind, self.paths.trace.place(motion), message, severity)
 
-    def finding_at(
-        self,
-        kind: RunKind,
-        place: tuple[str, int] | None,
-        message: str,
-        severity: Severity = Severity.ERROR,
-    ) -> None:
-        """Add a finding at file and line; None: about the program as a whole."""
-        files = self.paths.trace.files
-        source = SourceRef(*(place or (files[0] if files else "", 1)))
-        self.findings.append(Finding(severity, kind, message, source=source))
+Said = Remark | Measure
+"""What a check has to say."""
+AT_MOST = 20
+"""So many findings of one kind are listed one by one."""
 
-    def add(self, remarks: Iterable[Remark]) -> None:
-        """Add what a check says."""
-        for remark in remarks:
-            self.finding_at(*remark)
 
-    def measure(self, name: str, value: float, unit: str, motion: int, detail: str = "") -> None:
-        """Set the worst value of a measure."""
-        self.worst[name] = Worst(value, unit, *self.paths.trace.place(motion), detail)
+def listed(rows: AnyIntArray, what: str, by: FloatArray | None = None) -> Iterator[tuple[int, str]]:
+    """Yield the first so many rows, the largest ``by`` first, and how many ``what`` there are."""
+    more = f", {len(rows)} such {what}" if len(rows) > AT_MOST else ""
+    if by is not None:
+        rows = rows[np.argsort(-by[rows], kind="stable")]
+    yield from ((row, more) for row in rows[:AT_MOST].tolist())
+
+
+def few_of_each(remarks: Iterable[Remark]) -> Iterator[Remark]:
+    """Yield the first so many remarks of each kind."""
+    count: Counter[RunKind] = Counter()
+    for remark in remarks:
+        count[remark.kind] += 1
+        if count[remark.kind] <= AT_MOST:
+            yield remark
+
+
+def collected(said: Iterable[Said], paths: Paths) -> tuple[list[Finding], dict[str, Worst]]:
+    """Return what checks say as findings and worst values by their names."""
+    trace, findings, worst = paths.trace, [], {}
+    for item in said:
+        if isinstance(item, Measure):
+            worst[item.name] = Worst(item.value, item.unit, *trace.place(item.motion), item.detail)
+            continue
+        place = trace.place(item.place) if isinstance(item.place, int) else item.place
+        source = SourceRef(*(place or (trace.files[0] if trace.files else "", 1)))
+        findings.append(
+            Finding(
+                item.severity,
+                item.kind,
+                item.message,
+                source=source,
+                hint=item.hint,
+                headline=item.headline,
+            )
+        )
+    return findings, worst
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +124,7 @@ class Expectation:
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class Played:
     """The run that was judged, motion by motion (m,), for those who want to see it.
 
     ``durations`` (m,) estimated [s]; ``served`` (n,) motion that goes to each CAM point, -1 for
@@ -153,7 +173,7 @@ class VerifyReport:
     expectation: Expectation | None = None
     collisions_checked: bool = False
     coverage: Coverage | None = None
-    run: Run | None = field(default=None, compare=False, repr=False)
+    run: Played | None = field(default=None, compare=False, repr=False)
 
     @property
     def ok(self) -> bool:

@@ -7,7 +7,7 @@ for, as far as a motion depends on it; a program that is right by luck is not ri
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -15,10 +15,11 @@ from postproc.arrays import AnyIntArray, BoolArray
 from postproc.cell import Cell, Tool
 from postproc.controller import INITMOV, STOPMESS, Blend, MotionType, Settings
 from postproc.errors import RunKind, Severity
-from postproc.krl import Aggregate, Assign, KrlModule, initial_values, system_variable
+from postproc.krl import Aggregate, Assign, initial_values, system_variable
 from postproc.paths import SLOWEST
 from postproc.units import DEG, MM, PERCENT
-from postproc.verification.report import Result
+from postproc.verification.report import Remark, Said
+from postproc.verification.run import Run
 
 MOST_CORI = 5.0 * DEG
 """Largest $APO.CORI [rad]: that of a delivered controller."""
@@ -40,48 +41,43 @@ _WHY = {
 }
 
 
-def check_settings(result: Result, cell: Cell, modules: Sequence[KrlModule]) -> None:
-    """Check what is in force at every motion.
-
-    Args:
-        result: the run; collects the findings.
-        cell: tool, load and speeds that the program is for.
-        modules: the program, for the load data that it enters.
-    """
-    trace = result.paths.trace
+def check_settings(run: Run) -> Iterator[Said]:
+    """Check what is in force at every motion, and the load data that the program enters."""
+    trace = run.paths.trace
     for row, settings in enumerate(trace.settings):
         motions = np.flatnonzero(trace.setting == row)
         if len(motions):
-            for kind, motion, text in _faults(result, cell, settings, motions):
-                result.finding(kind, motion, text)
-    _turns_too_slowly(result, cell)
-    _changed(result, "$APO.CVEL")
-    _unset(result)
-    _load_data(result, cell, modules)
+            yield from (Remark(*fault) for fault in _faults(run, settings, motions))
+    yield from _turns_too_slowly(run)
+    yield from _changed(run, "$APO.CVEL")
+    yield from _unset(run)
+    yield from _load_data(run)
 
 
-def check_rapids(result: Result, cell: Cell, is_cut: BoolArray) -> None:
+def check_rapids(run: Run) -> Iterator[Said]:
     """Check that path motions that do not cut are no faster than the rapids of the cell."""
-    trace = result.paths.trace
+    trace, cell = run.paths.trace, run.cell
+    if not run.has_file:
+        return
     speed = trace.column("speed")
     most = min(cell.motion.rapid_speed, cell.krl.path_speed_max)
-    bad = np.flatnonzero(trace.is_cp & ~is_cut & (speed > most * (1.0 + _SAME)))
+    bad = np.flatnonzero(trace.is_cp & ~run.is_cut & (speed > most * (1.0 + _SAME)))
     if len(bad):
         text = f"a rapid of {speed[bad[0]]:g} m/s, the cell allows {most:g}, {len(bad)} motions"
-        result.finding(RunKind.SPEED, int(bad[0]), text)
+        yield Remark(RunKind.SPEED, int(bad[0]), text)
 
 
 def _faults(
-    result: Result, cell: Cell, settings: Settings, motions: AnyIntArray
+    run: Run, settings: Settings, motions: AnyIntArray
 ) -> Iterator[tuple[RunKind, int, str]]:
     """Yield kind, first motion and words of what is wrong with settings that motions run with."""
-    trace = result.paths.trace
+    trace, cell = run.paths.trace, run.cell
     is_cp = trace.is_cp[motions]
     first = int(motions[0])
     if settings.ipo_tcp and not trace.is_axes[motions].all():
         yield RunKind.FRAME, first, "$IPO_MODE is #TCP: the tool would stand and the part move"
-    yield from _orientation(result, settings, motions)
-    tool = cell.tools[result.paths.station.tool[first]]
+    yield from _orientation(run, settings, motions)
+    tool = cell.tools[run.paths.station.tool[first]]
     if not _has_load(tool, settings):
         yield RunKind.LOAD, first, f"the load in force is not that of tool {tool.number}"
     if settings.cori > MOST_CORI * (1.0 + _SAME):
@@ -107,10 +103,10 @@ def _faults(
 
 
 def _orientation(
-    result: Result, settings: Settings, motions: AnyIntArray
+    run: Run, settings: Settings, motions: AnyIntArray
 ) -> Iterator[tuple[RunKind, int, str]]:
-    trace = result.paths.trace
-    moving = motions[result.paths.curves.length[motions] > 0.0]
+    trace = run.paths.trace
+    moving = motions[run.paths.curves.length[motions] > 0.0]
     paths = moving[trace.is_cp[moving]]
     if settings.orientation in ("JOINT", "IGNORE") and len(paths):
         kind = settings.orientation
@@ -136,13 +132,13 @@ def _ramps(cell: Cell, settings: Settings, motion: int) -> Iterator[tuple[RunKin
             return
 
 
-def _turns_too_slowly(result: Result, cell: Cell) -> None:
+def _turns_too_slowly(run: Run) -> Iterator[Said]:
     """Report paths whose orientation speed is another than the cell's.
 
     Slower is right where the turn alone takes all the time of a motion, or the tool point hardly
     moves: then it is the axes that set the speed.
     """
-    trace, curves = result.paths.trace, result.paths.curves
+    trace, curves, cell = run.paths.trace, run.paths.curves, run.cell
     asked = cell.krl.orientation_speed
     own = [dict(settings.system) for settings in trace.settings]
     ends = [(float(v["$VEL.ORI1"]) * DEG, float(v["$VEL.ORI2"]) * DEG) for v in own] or [(0.0, 0.0)]
@@ -155,18 +151,18 @@ def _turns_too_slowly(result: Result, cell: Cell) -> None:
     if len(rows) and "$VEL.ORI1" not in cell.accept:
         low, high = slow[rows[0]] / DEG, fast[rows[0]] / DEG
         text = f"$VEL.ORI1 and ORI2 are {low:g} and {high:g} deg/s, the cell has {asked / DEG:g}"
-        result.finding(RunKind.SPEED, int(rows[0]), f"{text}, {len(rows)} motions")
+        yield Remark(RunKind.SPEED, int(rows[0]), f"{text}, {len(rows)} motions")
 
 
-def _changed(result: Result, name: str) -> None:
+def _changed(run: Run, name: str) -> Iterator[Said]:
     """Report a setting that no planned motion needs and that is another from some motion on."""
-    trace = result.paths.trace
+    trace = run.paths.trace
     values = [dict(settings.system)[name] for settings in trace.settings]
     used = np.array([values.index(value) for value in values] or [0])[trace.setting]
     other = np.flatnonzero(used != used[:1])
     if len(other):
         text = f"{name} becomes {values[used[other[0]]]} between motions: nothing asks for that"
-        result.finding(RunKind.SETUP, int(other[0]), text)
+        yield Remark(RunKind.SETUP, int(other[0]), text)
 
 
 def _has_load(tool: Tool, settings: Settings) -> bool:
@@ -201,9 +197,9 @@ def _shares(
         yield RunKind.SPEED, motion, text
 
 
-def _unset(result: Result) -> None:
+def _unset(run: Run) -> Iterator[Said]:
     """Report what motions depend on and the program has not set: the first of each."""
-    trace = result.paths.trace
+    trace = run.paths.trace
     if not len(trace):
         return
     cartesian = ~trace.is_axes
@@ -224,13 +220,13 @@ def _unset(result: Result) -> None:
         bad = np.flatnonzero(rows & lacks[trace.setting])
         if len(bad):
             text = f"a motion before {name} is set: {_WHY[name]}"
-            result.finding(RunKind.SETUP, int(bad[0]), text)
+            yield Remark(RunKind.SETUP, int(bad[0]), text)
 
 
-def _load_data(result: Result, cell: Cell, modules: Sequence[KrlModule]) -> None:
+def _load_data(run: Run) -> Iterator[Said]:
     """Check the load data that the program or its set-up enters for the tools of the cell."""
-    tools = {f"LOAD_DATA[{tool.number}]": tool for tool in cell.tools}
-    for module in modules:
+    tools = {f"LOAD_DATA[{tool.number}]": tool for tool in run.cell.tools}
+    for module in run.modules:
         of_module = (s for routine in module.routines for s in routine.statements)
         for statement in [s for s in of_module if type(s) is Assign and s.target[:1] != "$"]:
             name = statement.target.upper().partition("]")[0] + "]"
@@ -241,4 +237,4 @@ def _load_data(result: Result, cell: Cell, modules: Sequence[KrlModule]) -> None
                 continue
             place = (module.src_path, statement.line)
             text = f"{name} is not the mass of the tool of the cell"
-            result.finding_at(RunKind.LOAD, place, text, Severity.ERROR)
+            yield Remark(RunKind.LOAD, place, text, Severity.ERROR)

@@ -24,17 +24,16 @@ With a model of the arm (``displacement``) it is the real tool that is compared 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from postproc.arrays import BoolArray
 from postproc.cell import Cell, require_numbers
-from postproc.controller import MotionType, Trace
-from postproc.errors import RunKind, Severity
+from postproc.controller import MotionType
+from postproc.errors import Finding, RunKind, Severity
 from postproc.geometry import rotation_angle
-from postproc.kinematics import build
+from postproc.kinematics import Kinematics, build
 from postproc.krl import KrlModule, require_sound
 from postproc.model import ToolPath
 from postproc.paths import Displacement, Paths, cycle_time, durations, joint_paths, run_in_cell
@@ -53,16 +52,9 @@ from postproc.process import (
 )
 from postproc.progress import Progress
 from postproc.units import DEG, MM
-from postproc.verification.between import Cuts, check_advance, check_between
-from postproc.verification.cam import (
-    Comparison,
-    Tolerances,
-    check_events,
-    check_profiles,
-    compare_served,
-    in_program_order,
-    leads_in,
-)
+from postproc.verification.between import check_advance, check_between
+from postproc.verification.cam import CHECKS as CAM_CHECKS
+from postproc.verification.cam import Match, Tolerances, leads_in, match_of
 from postproc.verification.capacity import check_capacity
 from postproc.verification.checks import (
     check_blending,
@@ -75,7 +67,8 @@ from postproc.verification.collisions import check_collisions
 from postproc.verification.corners import blended, check_corners, corners_of
 from postproc.verification.coverage import coverage_of
 from postproc.verification.entries import check_entries
-from postproc.verification.report import Remark, Result, Run, VerifyReport, in_order
+from postproc.verification.report import Played, Remark, Said, VerifyReport, collected, in_order
+from postproc.verification.run import Cuts, Run
 from postproc.verification.settings import check_rapids, check_settings
 from postproc.verification.spindle import check_spindle
 from postproc.verification.torques import check_torques
@@ -123,113 +116,101 @@ def verify(
     trace = run_in_cell(modules, name, cell, kinematics)
     report(1, 4, "kinematics")
     paths = joint_paths(trace, cell, kinematics)
-    result = Result(paths, [*trace.findings, *paths.findings])
-    _check_frames(result, trace, cell)
-    check_settings(result, cell, modules)
-    _check_circles(result)
-    check_joints(result, cell, kinematics)
-    check_externals(result, cell)
-    check_blending(result)
-    check_capacity(result, cell, modules)
+    findings = [*trace.findings, *paths.findings]
     report(2, 4, "comparison")
-    comparison, asked, needs_start = None, None, True
+    match, needs_start = None, True
     if toolpath is not None:
-        toolpath, needs_start = _asked_of(result, toolpath, cell)
-        comparison = compare_served(
-            result, cell, toolpath, tolerances or Tolerances(), displacement
-        )
-        check_profiles(result, toolpath, comparison)
-        asked = check_events(result, cell, *in_program_order(toolpath, cell, comparison))
-    is_cut = comparison.is_cut if comparison is not None else None
-    cuts = _cuts_of(trace, cell) if is_cut is None else is_cut
-    check_speeds(result, cell, cuts)
-    check_torques(result, cell, kinematics, cuts)
-    if is_cut is not None:
-        check_rapids(result, cell, is_cut)
-        check_held(result, cell, is_cut)
-    number = np.where(cuts, 0, -1) if comparison is None else comparison.cut_of
-    led = None
-    if comparison is not None and toolpath is not None:
-        led = leads_in(paths, cell, toolpath, comparison.served, comparison.latest)
-    result.add(_within(cell, Cuts.of(paths, number, asked), paths, led))
-    accepted = may_stand(toolpath, cell)
-    check_spindle(result, cell, is_cut, accepted=accepted, needs_start=needs_start)
+        asked, needs_start, refused = _asked_of(toolpath, cell)
+        findings += refused
+        match = match_of(paths, cell, asked, tolerances or Tolerances(), displacement)
+    run = _run_of(paths, cell, kinematics, modules, match)
+    run = replace(run, may_stand=may_stand(toolpath, cell), needs_start=needs_start)
+    said = [remark for check in CHECKS for remark in check(run)]
+    said += [remark for check in CAM_CHECKS if match is not None for remark in check(run, match)]
     report(3, 4, "collisions")
-    at = blended(paths)
-    corners = corners_of(paths, kinematics, at)
-    check_corners(result, cell, corners, at, is_cut)
-    slack = 0.0 if comparison is None else comparison.largest_shift()
-    checked = collisions and check_collisions(result, cell, kinematics, cuts, slack, corners, at)
-    violations = in_order(result.findings, Severity.ERROR)
-    covered = coverage_of(modules, trace, violations)
-    return replace(_report(name, result, cell, comparison, checked), coverage=covered)
+    said += check_collisions(run) if collisions else ()
+    found, worst = collected(said, paths)
+    findings += found
+    violations = in_order(findings, Severity.ERROR)
+    whole = VerifyReport(
+        program=name,
+        points=len(paths),
+        violations=violations,
+        warnings=in_order(findings, Severity.WARNING),
+        worst=worst,
+        collisions_checked=collisions and bool(cell.solids),
+        coverage=coverage_of(modules, trace, violations),
+    )
+    return _with_run(whole, run, match)
 
 
-def _asked_of(result: Result, toolpath: ToolPath, cell: Cell) -> tuple[ToolPath, bool]:
-    """Return what a CAM file asks of the program, and whether that has to start the spindle."""
+def _run_of(
+    paths: Paths,
+    cell: Cell,
+    kinematics: Kinematics,
+    modules: Sequence[KrlModule],
+    match: Match | None,
+) -> Run:
+    """Return the run, with what cuts as the CAM file or, without one, the speeds tell."""
+    trace, bent = paths.trace, blended(paths)
+    is_cut = np.asarray(trace.is_cp & machining_speeds(trace.column("speed"), cell))
+    cuts, slack = Cuts.of(paths, np.where(is_cut, 0, -1)), 0.0
+    if match is not None:
+        is_cut, slack = match.uses.is_cut, match.shift
+        led = leads_in(paths, cell, match.every)
+        cuts = Cuts.of(paths, match.uses.cut_of, match.calls.asked, led)
+    return Run(
+        paths=paths,
+        cell=cell,
+        kinematics=kinematics,
+        modules=modules,
+        is_cut=is_cut,
+        cuts=cuts,
+        bent=bent,
+        corners=corners_of(paths, kinematics, bent),
+        slack=slack,
+        may_stand=False,
+        needs_start=True,
+    )
+
+
+def _asked_of(toolpath: ToolPath, cell: Cell) -> tuple[ToolPath, bool, list[Finding]]:
+    """Return what a CAM file asks of the program, whether that has to start the spindle, faults."""
     claims = claimed(toolpath, cell)
     toolpath = claims.toolpath
     words = (*word_findings(toolpath), *claims.findings, *unit_findings(toolpath, cell))
-    result.findings += refusals(words)
     toolpath = as_served(toolpath, cell)
     needs_start = len(started_by_none(toolpath)) > 0
     toolpath = driven(toolpath, cell)
     found = machining_findings(toolpath, cell)
-    result.findings += [replace(item, code=RunKind.SPINDLE, tag_index=None) for item in found]
-    return holes_served(toolpath, cell), needs_start
+    own = [replace(item, code=RunKind.SPINDLE, tag_index=None) for item in found]
+    return holes_served(toolpath, cell), needs_start, [*refusals(words), *own]
 
 
-def _within(cell: Cell, cuts: Cuts, paths: Paths, led: BoolArray | None) -> Iterator[Remark]:
-    """Yield what is said of a run and its cuts alone."""
-    yield from check_entries(paths, cell, cuts, led)
-    yield from check_between(paths, cuts)
-    yield from check_advance(paths, cell)
-
-
-def _report(
-    name: str, result: Result, cell: Cell, comparison: Comparison | None, checked: bool
-) -> VerifyReport:
-    paths = result.paths
-    times = durations(paths, cell)
-    position = axis = tilt = tags = matched = real = None
-    if comparison is not None:
-        position = float(np.max(comparison.position_error, initial=0.0))
-        real = comparison.expectation()
-        axis = float(np.max(comparison.axis_error, initial=0.0))
-        tilt = float(np.max(comparison.tilt, initial=0.0))
-        tags, matched = len(comparison.served), int((comparison.served >= 0).sum())
-    return VerifyReport(
-        program=name,
-        points=len(paths),
-        violations=in_order(result.findings, Severity.ERROR),
-        warnings=in_order(result.findings, Severity.WARNING),
-        cycle_time=cycle_time(paths, times),
-        worst=result.worst,
-        position_error=position,
-        axis_error=axis,
-        tilt=tilt,
-        tags=tags,
-        matched=matched,
-        passed=None if comparison is None else result.passed,
-        expectation=real,
-        collisions_checked=checked,
-        run=Run(
-            paths,
-            times,
-            None if comparison is None else comparison.served,
-            None if comparison is None else comparison.position_error,
-        ),
+def _with_run(report: VerifyReport, run: Run, match: Match | None) -> VerifyReport:
+    """Return the report with its times, and how near the program is to the CAM file."""
+    times = durations(run.paths, run.cell)
+    report = replace(report, cycle_time=cycle_time(run.paths, times))
+    if match is None:
+        return replace(report, run=Played(run.paths, times))
+    off, served = match.off_every, match.every.first
+    place = np.argsort(match.order)
+    return replace(
+        report,
+        position_error=float(np.max(off.position, initial=0.0)),
+        axis_error=float(np.max(off.axis, initial=0.0)),
+        tilt=float(np.max(off.tilt, initial=0.0)),
+        tags=len(served),
+        matched=int((served >= 0).sum()),
+        passed=len(match.passed.tag),
+        expectation=match.expectation,
+        run=Played(run.paths, times, served[place], off.position[place]),
     )
 
 
-def _cuts_of(trace: Trace, cell: Cell) -> BoolArray:
-    """Return the motions (m,) that cut for all that the text says."""
-    return np.asarray(trace.is_cp & machining_speeds(trace.column("speed"), cell))
-
-
-def _check_frames(result: Result, trace: Trace, cell: Cell) -> None:
+def _check_frames(run: Run) -> Iterator[Said]:
     """Compare tool and base of every path motion with those of the cell."""
-    station = result.paths.station
+    trace, cell, station = run.paths.trace, run.cell, run.paths.station
     tools = [(tool.number, tool.T_flange_tcp) for tool in cell.tools]
     bases = [(base.number, base.T_robroot_base) for base in cell.bases]
     expected = (
@@ -252,9 +233,9 @@ def _check_frames(result: Result, trace: Trace, cell: Cell) -> None:
             name = f"{what} {selected if selected >= 0 else 'frame'}"
             if len(entries) > 1 and selected != number:
                 text = f"{name} is selected, and the cell has no such {what}"
-                result.finding(RunKind.FRAME, first, text)
+                yield Remark(RunKind.FRAME, first, text)
             elif off > _SAME_FRAME or turned > _SAME_TURN:
-                result.finding(
+                yield Remark(
                     RunKind.FRAME,
                     first,
                     f"{name} is {off / MM:.3f} mm and {turned / DEG:.3f} deg off {what} {number} "
@@ -262,20 +243,39 @@ def _check_frames(result: Result, trace: Trace, cell: Cell) -> None:
                 )
 
 
-def _check_circles(result: Result) -> None:
+def _check_circles(run: Run) -> Iterator[Said]:
     """Report motions whose curve the text does not fix: bad circles, half turns of the tool."""
-    curves = result.paths.curves
-    half = np.flatnonzero(result.paths.trace.is_cp & (curves.angle > HALF_TURN))
+    curves = run.paths.curves
+    half = np.flatnonzero(run.paths.trace.is_cp & (curves.angle > HALF_TURN))
     for row in half[:20].tolist():
-        result.finding(
+        yield Remark(
             RunKind.HALF_TURN,
             row,
             "the tool turns by 180 deg: the controller may turn it either way",
         )
     for row in curves.bad_circles[:20].tolist():
-        result.finding(RunKind.CIRCLE, int(row), "start, auxiliary point and end are on no circle")
-    missing = np.flatnonzero(
-        (result.paths.trace.motion_type == MotionType.CIRC) & (curves.circle < 0)
-    )
+        yield Remark(RunKind.CIRCLE, int(row), "start, auxiliary point and end are on no circle")
+    missing = np.flatnonzero((run.paths.trace.motion_type == MotionType.CIRC) & (curves.circle < 0))
     for row in np.setdiff1d(missing, curves.bad_circles)[:20].tolist():
-        result.finding(RunKind.CIRCLE, int(row), "a circular motion without an auxiliary point")
+        yield Remark(RunKind.CIRCLE, int(row), "a circular motion without an auxiliary point")
+
+
+CHECKS: tuple[Callable[[Run], Iterator[Said]], ...] = (
+    _check_frames,
+    _check_circles,
+    check_settings,
+    check_rapids,
+    check_joints,
+    check_externals,
+    check_held,
+    check_blending,
+    check_capacity,
+    check_speeds,
+    check_torques,
+    check_corners,
+    check_spindle,
+    check_entries,
+    check_between,
+    check_advance,
+)
+"""What is asked of any program; none reads what another found."""

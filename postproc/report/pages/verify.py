@@ -38,7 +38,7 @@ from postproc.report.parts import (
     unix_text,
 )
 from postproc.units import DEG, MM, MM_PER_MIN
-from postproc.verification import Run, VerifyReport
+from postproc.verification import Played, VerifyReport
 
 MOST_ROWS = 300
 """Findings, and colliding motions, that are shown."""
@@ -134,7 +134,7 @@ def texts_by_motion(report: VerifyReport) -> dict[int, list[str]]:
     return dict(found)
 
 
-def _moves(run: Run, cell: Cell) -> dict[str, Any]:
+def _moves(run: Played, cell: Cell) -> dict[str, Any]:
     paths, station = run.paths, run.paths.station
     m = len(paths)
     is_cp = paths.trace.is_cp
@@ -158,7 +158,7 @@ def _moves(run: Run, cell: Cell) -> dict[str, Any]:
     }
 
 
-def _columns(run: Run, maps: RunMaps) -> list[TagColumn]:
+def _columns(run: Played, maps: RunMaps) -> list[TagColumn]:
     trace = run.paths.trace
     speed = np.where(trace.is_cp, trace.column("speed"), np.nan)
     columns = [
@@ -170,7 +170,7 @@ def _columns(run: Run, maps: RunMaps) -> list[TagColumn]:
     return [column for column in columns if np.isfinite(column.values).any()]
 
 
-def _deviation(run: Run) -> FloatArray:
+def _deviation(run: Played) -> FloatArray:
     result = np.full(len(run.paths), np.nan)
     if run.served is not None and run.position_error is not None:
         known = run.served >= 0
@@ -178,7 +178,7 @@ def _deviation(run: Run) -> FloatArray:
     return result
 
 
-def _rows(run: Run, cell: Cell, columns: list[TagColumn]) -> dict[str, Any]:
+def _rows(run: Played, cell: Cell, columns: list[TagColumn]) -> dict[str, Any]:
     paths, station = run.paths, run.paths.station
     points = forward_filled(in_drawn_base(cell, station.base, paths.end_point))
     axes = axes_in_drawn_base(cell, station.base, paths.end_axis)
@@ -194,7 +194,7 @@ def _rows(run: Run, cell: Cell, columns: list[TagColumn]) -> dict[str, Any]:
     }
 
 
-def _texts(run: Run, toolpath: ToolPath | None) -> dict[str, Any]:
+def _texts(run: Played, toolpath: ToolPath | None) -> dict[str, Any]:
     trace = run.paths.trace
     cam_line = np.zeros(len(trace), dtype=np.int64)
     if toolpath is not None and run.served is not None:

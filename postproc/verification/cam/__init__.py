@@ -1,17 +1,51 @@
-"""The executed path held against the CAM file: points, arcs, holes, feeds, blends, events, tilt."""
+"""The executed path held against the CAM file: a ``Match`` of both, and the checks that judge it.
 
-from postproc.verification.cam.comparison import Comparison, Tolerances
-from postproc.verification.cam.events import check_events
-from postproc.verification.cam.leaving import leads_in
-from postproc.verification.cam.order import compare_served, in_program_order
-from postproc.verification.cam.profiles import check_profiles
+A check is a function of the run and the match that yields what it finds. None reads what another
+found, so their order does not matter.
+"""
 
-__all__ = [
-    "Comparison",
-    "Tolerances",
-    "check_events",
-    "check_profiles",
-    "compare_served",
-    "in_program_order",
-    "leads_in",
-]
+from collections.abc import Callable, Iterator
+
+from postproc.verification.cam.events import check_dwells, check_events
+from postproc.verification.cam.feeds import check_feeds
+from postproc.verification.cam.holes import check_holes, check_strokes
+from postproc.verification.cam.leaving import (
+    check_leaving,
+    check_relative,
+    check_unasked,
+    leads_in,
+)
+from postproc.verification.cam.match import Match, Tolerances, match_of
+from postproc.verification.cam.points import (
+    check_again,
+    check_missed,
+    check_passed,
+    check_points,
+)
+from postproc.verification.cam.profiles import check_approximation, check_joint_speeds
+from postproc.verification.cam.surplus import check_surplus
+from postproc.verification.cam.ways import check_turns, check_ways
+from postproc.verification.report import Said
+from postproc.verification.run import Run
+
+CHECKS: tuple[Callable[[Run, Match], Iterator[Said]], ...] = (
+    check_points,
+    check_missed,
+    check_passed,
+    check_again,
+    check_ways,
+    check_turns,
+    check_holes,
+    check_strokes,
+    check_feeds,
+    check_leaving,
+    check_unasked,
+    check_relative,
+    check_approximation,
+    check_joint_speeds,
+    check_events,
+    check_surplus,
+    check_dwells,
+)
+
+__all__ = ["CHECKS", "Match", "Tolerances", "leads_in", "match_of"]

@@ -8,14 +8,18 @@ the tool axis, and go on from no further than where it left. What is not covered
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+
 import numpy as np
 
-from postproc.arrays import FloatArray
+from postproc.arrays import AnyIntArray, FloatArray
 from postproc.controller import MotionType
-from postproc.model import MotionKind, ToolPath
+from postproc.model import CUTS, MotionKind, ToolPath
 from postproc.paths import Paths
 from postproc.records import dataclass
 from postproc.units import MM
+from postproc.verification.cam.matching import Wanted
+from postproc.verification.cam.real import RealPaths
 
 _SHARES = np.array([0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0])
 _FULL = 2.0 * np.pi
@@ -25,6 +29,8 @@ _STAYS = 0.01 * MM
 """A joint motion by less [m] stays where the one before ended, as at the head of a sub-program."""
 ALONG_AXIS = 0.9999
 """Cosine to the tool axis from which on a motion is one along the axis."""
+ON_TOP = 1e-5
+"""So near [m] to the height where the feed starts a tool is at it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,6 +126,95 @@ class Followed:
     motion: int
     fault: str = ""
     covered: tuple[int, ...] = ()
+
+    def is_wrong(self, tolerance: float) -> bool:
+        """Return whether the way is at fault, or farther off than ``tolerance`` [m]."""
+        return bool(self.fault) or self.deviation > tolerance
+
+
+@dataclass(frozen=True, slots=True)
+class Ways:
+    """By which motions served tags of lines and arcs are reached: numbers of tags of each kind.
+
+    ``open``: the file does not say where the cut comes from, a line reaches it; ``behind``: the
+    cut begins behind a hole; ``direct``: one straight motion; ``followed``: all others, and how;
+    ``loose``: whose way from the tag before nothing is said of; ``to`` (n,): motion to each tag.
+    """
+
+    open: AnyIntArray
+    behind: AnyIntArray
+    direct: AnyIntArray
+    followed: Mapping[int, Followed]
+    loose: AnyIntArray
+    to: AnyIntArray
+
+    @property
+    def covered(self) -> dict[int, tuple[int, ...]]:
+        """The motions that cut towards each tag from the one before."""
+        direct = {row: (int(self.to[row]),) for row in self.direct.tolist()}
+        return direct | {row: done.covered for row, done in self.followed.items()}
+
+    @property
+    def is_cut(self) -> AnyIntArray:
+        """Motions that run along lines and arcs."""
+        rows = np.concatenate([self.open, self.behind, self.direct])
+        covered = [motion for done in self.followed.values() for motion in done.covered]
+        return np.concatenate([self.to[rows], np.array(covered, dtype=np.int64)])
+
+    def judged(self, tolerance: float) -> Iterator[tuple[int, int]]:
+        """Yield first and last motion of ways of which no more is said, and of wrong ones [m]."""
+        for row in self.loose.tolist():
+            yield int(self.to[row - 1]) + 1, int(self.to[row]) - 1
+        for row, done in self.followed.items():
+            if done.is_wrong(tolerance):
+                yield int(self.to[row - 1]) + 1, int(self.to[row])
+
+
+def ways_of(
+    toolpath: ToolPath, wanted: Wanted, served: AnyIntArray, real: RealPaths, tolerance: float
+) -> Ways:
+    """Return how the lines and arcs between served tags are run.
+
+    Args:
+        toolpath: what was asked for.
+        wanted: the same, as points.
+        served: (n,) motion that goes to each tag, -1 for none.
+        real: paths of the tool that is compared.
+        tolerance: of the way [m].
+    """
+    paths, kind = real.commanded, np.asarray(wanted.kind)
+    rows = np.flatnonzero(np.isin(kind, CUTS) & (served >= 0))
+    first, rows = rows[rows == 0], rows[rows > 0]
+    rows = rows[served[rows - 1] >= 0]
+    frames = np.stack([paths.station.tool, paths.station.base], axis=1)
+    changed = (frames[served[rows]] != frames[served[rows - 1]]).any(axis=1)
+    behind_hole = kind[rows - 1] == MotionKind.HOLE
+    ahead = served[rows] > served[rows - 1]
+    # first of all and behind a change the file does not say where a cut comes from: any way will
+    # do, a line at feed
+    open_ = np.concatenate([first, rows[changed]])
+    open_ = open_[paths.trace.is_cp[served[open_]]]
+    loose = rows[(changed | behind_hole) & ahead]  # pieces of a compensated line
+    behind = rows[~changed & behind_hole]
+    # not where the tool stands there already when it has left the hole
+    left = wanted.top - np.maximum(wanted.clear, wanted.retract)[:, None] * wanted.axis
+    behind = behind[np.linalg.norm(wanted.top[behind] - left[behind - 1], axis=1) > ON_TOP]
+    rows = rows[~changed & ~behind_hole]
+    step = served[rows] - served[rows - 1]
+    direct = (kind[rows] == MotionKind.LINEAR) & (step == 1)
+    direct &= paths.trace.motion_type[served[rows]] == MotionType.LIN
+    followed = {
+        row: follow(
+            element_to(toolpath, row),
+            real.of(row),
+            int(served[row - 1]) + 1,
+            int(served[row]),
+            tolerance,
+            real.of(row - 1),
+        )
+        for row in rows[~direct & (step > 0)].tolist()
+    }
+    return Ways(open_, behind, rows[direct], followed, loose, served)
 
 
 def follow(

@@ -11,19 +11,27 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IntArray, longest_rising
+from postproc.arrays import (
+    BoolArray,
+    FloatArray,
+    IndexArray,
+    IntArray,
+    longest_rising,
+)
+from postproc.geometry import angle_between
 from postproc.model import Cycle, MotionKind, ToolPath
-from postproc.paths import Station
-from postproc.process import Claims, apart
+from postproc.paths import Paths, Station
+from postproc.process import LEAST_PECK, Claims, apart
 from postproc.records import dataclass
+from postproc.verification.cam.real import FAR, RealPaths
 
-FAR = 1e9
-"""Where a motion ends that cannot serve a tag [m]."""
 SAME_AXIS = 1e-6
 """Two tool axes that differ by less than this [rad] are one; else the tool turns on the spot."""
 MAX_PAIRS = 5_000_000
 PLACE = 1e-5
 """Size [m] of the cells in which pairs are counted beforehand."""
+_PECK_MOVES = 3
+"""Most motions from one peck to the bottom of the next: up, back down, drill."""
 _STREAK = 32
 """After so many points that were visited one after the other, more are looked at together."""
 _STEPS = 4096
@@ -94,6 +102,33 @@ def steps_of(cycle: Cycle) -> tuple[float, float]:
 
 
 @dataclass(frozen=True, slots=True)
+class Served:
+    """Tags of a CAM file (n,), and the motions that go to each.
+
+    ``first`` and ``last`` (n,): the first and the last that may be meant, -1 for none.
+    """
+
+    toolpath: ToolPath
+    wanted: Wanted
+    first: IntArray
+    last: IntArray
+
+    def spread(
+        self, toolpath: ToolPath, kept: IndexArray, others: IndexArray, motion: IndexArray
+    ) -> Served:
+        """Return the same of all tags, where these are ``kept`` and motions pass the others."""
+        if not len(others):
+            return self
+        place = np.argsort(np.concatenate([kept, others]))
+        ends = (np.concatenate([own, motion])[place] for own in (self.first, self.last))
+        return Served(toolpath, wanted_of(toolpath), *(np.asarray(e, np.int32) for e in ends))
+
+    def name(self, row: int) -> str:
+        """Return what a tag is called in findings."""
+        return f"tag {self.toolpath.tag_name(row)} (line {int(self.toolpath.line[row])})"
+
+
+@dataclass(frozen=True, slots=True)
 class Visits:
     """Which motion goes to each wanted point: ``first`` and ``last`` (r,) possible, -1 for none.
 
@@ -103,6 +138,49 @@ class Visits:
 
     first: IntArray
     last: IntArray
+
+
+def visits_of(
+    real: RealPaths, wanted: Wanted, claims: Claims, tolerance: float, left: float
+) -> Visits:
+    """Return which motions go to the wanted points.
+
+    Args:
+        real: paths of the tool that is compared.
+        wanted: what the CAM file asks for.
+        claims: the tool and the base of each tag.
+        tolerance: [m].
+        left: up to this [m] the tolerance is doubled until all points are served.
+    """
+    paths = real.commanded
+    own = np.isin(wanted.kind, (MotionKind.ARC, MotionKind.HOLE))
+    own[1:] |= wanted.kind[:-1] == MotionKind.HOLE  # a stroke ends above the point
+    own[1:] |= angle_between(wanted.axis[1:], wanted.axis[:-1]) > SAME_AXIS
+    own[[stretch.low for stretch in claims.stretches()]] = True
+    moving = np.where(paths.stands[:, None], FAR, real.visited)
+    visited, case = by_frames(moving, real.case, claims, paths.station)
+    pecks = passed_pecks(paths, tolerance)
+    visited, case = bottoms_apart(visited, case, wanted.is_hole, pecks)
+    return match(wanted.point, visited, tolerance, own, case, left)
+
+
+def passed_pecks(paths: Paths, tolerance: float) -> BoolArray:
+    """Return (m,) motions that end where the tool soon goes deeper by less than ``tolerance`` [m].
+
+    Both places are within the tolerance of the bottom of a hole, which is the deeper one.
+    """
+    rows = np.flatnonzero(~paths.stands)
+    point, axis = paths.end_point[rows], paths.end_axis[rows]
+    is_cp, count = paths.trace.is_cp[rows], len(rows)
+    passed = np.zeros(len(paths), dtype=np.bool_)
+    for ahead in range(1, min(_PECK_MOVES, count - 1) + 1):
+        step = point[ahead:] - point[:-ahead]
+        along = np.einsum("ij,ij->i", step, axis[:-ahead])
+        deeper = (along > LEAST_PECK / 2) & (np.linalg.norm(step, axis=1) <= tolerance)
+        for motion in range(1, ahead + 1):
+            deeper &= is_cp[motion : count - ahead + motion]
+        passed[rows[:-ahead][deeper]] = True
+    return passed
 
 
 def match(

@@ -11,13 +11,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IntArray
+from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IntArray
 from postproc.cell import Cell
 from postproc.model import ToolPath
 from postproc.paths import Displacement, Paths, Shift, moments_of
 from postproc.process import feeds_of, load_cases
 from postproc.records import dataclass
 
+FAR = 1e9
+"""Where a motion ends that cannot serve a tag [m]."""
 FASTER = 1.5
 """A motion faster than the fastest feed by this factor does not cut; a wrong feed is one below."""
 
@@ -28,15 +30,26 @@ class RealPaths:
 
     paths: tuple[Paths, ...]
     case: IntArray
+    commanded: Paths
 
     @classmethod
     def nominal(cls, paths: Paths, n: int) -> RealPaths:
         """Return the commanded paths as the only case of n tags."""
-        return cls((paths,), np.zeros(n, dtype=np.int32))
+        return cls((paths,), np.zeros(n, dtype=np.int32), paths)
 
     def of(self, tag: int) -> Paths:
         """Return the paths under the load of a tag."""
         return self.paths[int(self.case[tag])]
+
+    def rows(self, tags: AnyIntArray) -> RealPaths:
+        """Return the paths for some tags (k,)."""
+        return replace(self, case=self.case[tags])
+
+    @property
+    def visited(self) -> FloatArray:
+        """(cases, m, 3) [m] where motions end, far away where that is not known."""
+        points = self.end_point
+        return np.where(np.isfinite(points), points, FAR)
 
     @property
     def end_point(self) -> FloatArray:
@@ -45,16 +58,18 @@ class RealPaths:
 
 
 def real_paths(
-    paths: Paths, cell: Cell, toolpath: ToolPath, displacement: Displacement
+    paths: Paths, cell: Cell, toolpath: ToolPath, displacement: Displacement | None
 ) -> RealPaths:
-    """Return the paths of the real tool under every load of a CAM file.
+    """Return the paths of the real tool under every load of a CAM file, or those commanded.
 
     Args:
         paths: as commanded.
         cell: the process loads, and the feed where the file gives none.
         toolpath: what was asked for.
-        displacement: real minus nominal tool point.
+        displacement: real minus nominal tool point; None: there is none.
     """
+    if displacement is None:
+        return RealPaths.nominal(paths, len(toolpath))
     wrenches, case = load_cases(toolpath, cell)
     ends, samples = moments_of(paths, cell, displacement.lost)
     idle = _in_part(paths, displacement.of(ends.idle()), displacement.of(samples.idle()))
@@ -70,7 +85,7 @@ def real_paths(
             paths, displacement.of(ends.under(wrench)), displacement.of(samples.under(wrench))
         )
         sets.append(_moved(paths, idle, loaded, works))
-    return RealPaths(tuple(sets), case)
+    return RealPaths(tuple(sets), case, paths)
 
 
 def _in_part(paths: Paths, at_ends: FloatArray, at_samples: FloatArray) -> FloatArray:

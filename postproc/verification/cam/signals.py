@@ -10,13 +10,12 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from postproc.cell import Cell
-from postproc.controller import EventWord, TraceEvent
+from postproc.controller import EventWord, Trace, TraceEvent
 from postproc.errors import RunKind
 from postproc.model import Event, EventKind
-from postproc.verification.report import Result
+from postproc.verification.report import AT_MOST, Remark
 
 _KINDS = (EventKind.SIGNAL, EventKind.WAIT_SIGNAL)
-_LISTED = 20
 
 
 class Span(NamedTuple):
@@ -27,20 +26,27 @@ class Span(NamedTuple):
 
 
 Asked = tuple[Event, Span]
+Pair = tuple[Event, TraceEvent]
 
 
-def check_signals(
-    result: Result, cell: Cell, everything: Sequence[Asked]
-) -> list[tuple[Event, TraceEvent]]:
-    """Compare signals and waits for them with those of the CAM file, in their order.
+class Paired(NamedTuple):
+    """(event, its call) of what is there, calls beyond that, and what is wrong with all of them."""
+
+    pairs: list[Pair]
+    surplus: list[TraceEvent]
+    faults: list[Remark]
+
+
+def paired_signals(trace: Trace, cell: Cell, everything: Sequence[Asked]) -> Paired:
+    """Pair signals and waits for them with those of the CAM file, in their order.
 
     Args:
-        result: the program; collects the findings.
+        trace: of the program.
         cell: which signals are outputs and inputs, and the names of the routines for the others.
         everything: the events of the file and where each belongs.
 
     Returns:
-        (event, its call) of the signals that are there; none of a group with too many or too few.
+        The signals that are there; none of a group with too many or too few.
     """
     ports: Mapping[EventKind, Mapping[str, int]] = {
         EventKind.SIGNAL: cell.krl.outputs,
@@ -51,7 +57,6 @@ def check_signals(
     routines = {cell.krl.hooks[str(kind)].upper() for kind in _KINDS}
     outputs = {f"$OUT[{number}]" for number in cell.krl.outputs.values()}
     inputs = {_condition(n, value) for n in cell.krl.inputs.values() for value in (True, False)}
-    trace = result.paths.trace
     groups = (
         (
             "signals of the routines",
@@ -69,21 +74,25 @@ def check_signals(
             ],
         ),
     )
-    found: list[tuple[Event, TraceEvent]] = []
+    found = Paired([], [], [])
     for words, wanted, have in groups:
         if len(wanted) != len(have):
             text = count_text(f"{words}: {len(have)}", wanted)
-            result.finding_at(RunKind.EVENT, trace.place_of(have[-1]) if have else None, text)
+            found.faults.append(fault(trace, have[-1] if have else None, text))
             continue
         faults = [
             (call, text)
             for (event, span), call in zip(wanted, have, strict=True)
             if (text := _difference(cell, ports, event, span, call))
         ]
-        for call, text in faults[:_LISTED]:
-            result.finding_at(RunKind.EVENT, trace.place_of(call), text)
-        found += [(event, call) for (event, _), call in zip(wanted, have, strict=True)]
+        found.faults.extend(fault(trace, call, text) for call, text in faults[:AT_MOST])
+        found.pairs.extend((event, call) for (event, _), call in zip(wanted, have, strict=True))
     return found
+
+
+def fault(trace: Trace, call: TraceEvent | None, text: str) -> Remark:
+    """Return what is wrong with a call; None: with the program as a whole."""
+    return Remark(RunKind.EVENT, trace.place_of(call) if call else None, text)
 
 
 def count_text(found: str, asked: Sequence[Asked]) -> str:

@@ -8,16 +8,16 @@ each other: which of them comes first makes no difference.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from postproc.arrays import BoolArray
-from postproc.controller import TraceEvent
+from postproc.controller import Trace, TraceEvent
 from postproc.errors import RunKind
 from postproc.model import Event, EventKind
-from postproc.verification.report import Result
+from postproc.verification.report import AT_MOST, Remark
 
 SPINDLE = (
     EventKind.SPINDLE_ON,
@@ -40,7 +40,6 @@ _FINDING = (
 )
 """Events for which it matters what they find."""
 _ADDED = "off, by a call that the file does not ask for"
-_LISTED = 20
 
 State = Mapping[str, object]
 """What each group is; a group without an entry is off, or not yet named."""
@@ -111,30 +110,29 @@ class States:
                 return f"{group}: {_words(have)}, {where}: {_words(want)}"
         return ""
 
-    def check(self, result: Result, is_cut: BoolArray) -> None:
-        """Report events that find, and cuts that run with, other than the file says.
+    def faults(self, trace: Trace, is_cut: BoolArray) -> Iterator[Remark]:
+        """Yield events that find, and cuts that run with, other than the file says.
 
         Args:
-            result: the program; collects the findings.
+            trace: of the program.
             is_cut: (m,) motions that cut.
         """
-        faults = [
+        wrong = [
             (call, text)
             for event, call in self._asked
             if event.kind in _FINDING and (text := self.difference(event, call))
         ]
-        place_of = result.paths.trace.place_of
-        for call, text in faults[:_LISTED]:
-            result.finding_at(RunKind.EVENT, place_of(call), f"{call.name} comes with {text}")
+        for call, text in wrong[:AT_MOST]:
+            yield Remark(RunKind.EVENT, trace.place_of(call), f"{call.name} comes with {text}")
+        order = {id(call): place for place, call in enumerate(trace.events)}
         for kinds in (SPINDLE, COOLANT):
             asked = [(e.kind, call) for e, call in self._asked if e.kind in kinds]
-            order = {id(call): place for place, call in enumerate(result.paths.trace.events)}
             have = sorted(asked, key=lambda item: order[id(item[1])])
             count = len(is_cut)
-            wrong = is_cut & (states_at(have, count) != states_at(asked, count))
-            for motion in np.flatnonzero(wrong)[:1].tolist():
+            swapped = is_cut & (states_at(have, count) != states_at(asked, count))
+            for motion in np.flatnonzero(swapped)[:1].tolist():
                 text = f"a cut with the {_GROUP_OF[kinds[0]]} not as in the file: calls are swapped"
-                result.finding(RunKind.EVENT, motion, text)
+                yield Remark(RunKind.EVENT, motion, text)
 
 
 def label(kind: EventKind, call: TraceEvent) -> str | None:

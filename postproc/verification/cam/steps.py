@@ -8,54 +8,43 @@ import numpy as np
 
 from postproc.arrays import AnyIntArray
 from postproc.cell import Cell
-from postproc.controller import EventWord, TraceEvent
-from postproc.errors import RunKind
+from postproc.controller import EventWord, Trace, TraceEvent
 from postproc.model import Event, ToolPath
 from postproc.process import NUMBER, hole_steps
 from postproc.units import MM, MM_PER_MIN, RPM
-from postproc.verification.report import Result
+from postproc.verification.cam.signals import Paired, fault
+from postproc.verification.report import AT_MOST
 
-_LISTED = 20
 _DIGITS = 1e-3
 """A number may differ by this much: the digits of a text."""
 
 
-def check_steps(
-    result: Result, cell: Cell, toolpath: ToolPath, served: AnyIntArray
-) -> list[tuple[Event, TraceEvent]]:
-    """Compare the calls around holes with the steps that the cell wants.
+def paired_steps(trace: Trace, cell: Cell, toolpath: ToolPath, served: AnyIntArray) -> Paired:
+    """Pair the calls around holes with the steps that the cell wants.
 
     Args:
-        result: the program; collects the findings.
+        trace: of the program.
         cell: names of the steps and their routines.
         toolpath: what was asked for, its holes numbered.
         served: (n,) motion that goes to the bottom of each hole, or to where the robot stands.
-
-    Returns:
-        (step, its call) of the calls that there are.
     """
+    found = Paired([], [], [])
     names = [cell.krl.hooks[name].upper() for name in cell.process.hole]
     if not names or NUMBER not in toolpath.extra:
-        return []
-    calls = [
-        event
-        for event in result.paths.trace.events
-        if event.word is EventWord.HOOK and event.name in names
-    ]
+        return found
+    calls = [e for e in trace.events if e.word is EventWord.HOOK and e.name in names]
     wanted = _wanted(cell, toolpath, served)
     if len(calls) != len(wanted):
         text = f"{len(calls)} calls of {', '.join(names)}, the holes ask for {len(wanted)}"
-        _tell(result, calls[-1] if calls else None, text)
-    faults = 0
-    found = []
+        found.faults.append(fault(trace, calls[-1] if calls else None, text))
+    faults = []
     for call, (name, event, first, last) in zip(calls, wanted, strict=False):
         text = _difference(call, name, event)
         if not text and not first <= call.motion <= last:
             text = f"{name} is called where hole {event.value:g} is not drilled"
-        faults += bool(text)
-        if text and faults <= _LISTED:
-            _tell(result, call, text)
-        found.append((event, call))
+        faults += [fault(trace, call, text)] * bool(text)
+        found.pairs.append((event, call))
+    found.faults.extend(faults[:AT_MOST])
     return found
 
 
@@ -105,8 +94,3 @@ def _difference(call: TraceEvent, name: str, event: Event) -> str:
         ):
             return f"{name} gets {what} {is_} at {hole}, expected {should:g}"
     return ""
-
-
-def _tell(result: Result, call: TraceEvent | None, text: str) -> None:
-    place = result.paths.trace.place_of(call) if call else None
-    result.finding_at(RunKind.EVENT, place, text)

@@ -8,42 +8,32 @@ hand changes nothing either: each section of a long job begins with it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
 
-from postproc.arrays import BoolArray
-from postproc.cell import Cell
-from postproc.controller import TraceEvent
+from postproc.controller import Trace, TraceEvent
 from postproc.errors import RunKind, Severity
 from postproc.model import EventKind
+from postproc.verification.cam.calls import Made
+from postproc.verification.cam.match import Match
 from postproc.verification.cam.states import COOLANT, SPINDLE, states_at
-from postproc.verification.report import Result
-
-_LISTED = 20
-
-Calls = Mapping[EventKind, Sequence[TraceEvent]]
+from postproc.verification.report import AT_MOST, Remark, Said
+from postproc.verification.run import Run
 
 
-def check_surplus(
-    result: Result, cell: Cell, calls: Calls, surplus: Calls, is_cut: BoolArray
-) -> None:
-    """Report calls beyond those of the CAM file.
+def check_surplus(run: Run, match: Match) -> Iterator[Said]:
+    """Yield calls beyond those of the CAM file.
 
     Errors are changes of the tool, and what makes a cut run with another spindle or coolant.
-
-    Args:
-        result: the program; collects the findings.
-        cell: the numbers of its tools.
-        calls: of the integrator's routines by what they stand for, in the order of the program.
-        surplus: those of them that the file does not ask for.
-        is_cut: (m,) motions that cut.
     """
+    trace, is_cut = run.paths.trace, match.uses.is_cut
+    calls, surplus = match.calls.made, match.calls.surplus
     harmful: set[int] = set()
     for kinds in (SPINDLE, COOLANT):
-        extra = _in_order(result, surplus, kinds)
-        have = _in_order(result, calls, kinds)
+        extra = _in_order(trace, surplus, kinds)
+        have = _in_order(trace, calls, kinds)
         if extra and len(extra) < len(have):
             beyond = {id(event) for _, event in extra}
             asked = [(kind, event) for kind, event in have if id(event) not in beyond]
@@ -53,7 +43,7 @@ def check_surplus(
             harmful |= {id(extra[k][1]) for k in np.unique(causes[causes >= 0]).tolist()}
     changes = surplus.get(EventKind.TOOL_CHANGE, ())
     silent = len(changes) == len(calls.get(EventKind.TOOL_CHANGE, ()))
-    called = [event for _, event in _in_order(result, calls, (EventKind.TOOL_CHANGE,))]
+    called = [event for _, event in _in_order(trace, calls, (EventKind.TOOL_CHANGE,))]
     in_cut = np.append(False, is_cut)  # by the motion behind; the tool stands where it cut
     again = {
         id(b) for a, b in pairwise(called) if a.value == b.value and not in_cut[b.motion]
@@ -61,22 +51,22 @@ def check_surplus(
     harmful |= {
         id(event)
         for event in changes
-        if not ((silent or id(event) in again) and _is_in_hand(result, cell, event))
+        if not ((silent or id(event) in again) and _is_in_hand(run, event))
     }
-    listed = [event for _, event in _in_order(result, surplus, surplus)]
-    for event in sorted(listed, key=lambda event: id(event) not in harmful)[:_LISTED]:
+    listed = [event for _, event in _in_order(trace, surplus, surplus)]
+    for event in sorted(listed, key=lambda event: id(event) not in harmful)[:AT_MOST]:
         text = f"{event.name} is called, and the CAM file does not ask for it"
         severity = Severity.WARNING
         if id(event) in harmful:
             text += ": tool, spindle or coolant are not as in the file behind it"
             severity = Severity.ERROR
-        result.finding_at(RunKind.EVENT, result.paths.trace.place_of(event), text, severity)
+        yield Remark(RunKind.EVENT, trace.place_of(event), text, severity)
 
 
-def _is_in_hand(result: Result, cell: Cell, event: TraceEvent) -> bool:
+def _is_in_hand(run: Run, event: TraceEvent) -> bool:
     """Return whether a change is to the tool that the motions behind it move."""
-    tools = result.paths.station.tool[event.motion :]
-    tool = cell.tools[int(tools[0])] if len(tools) else None
+    tools = run.paths.station.tool[event.motion :]
+    tool = run.cell.tools[int(tools[0])] if len(tools) else None
     return tool is not None and event.value in (tool.number, *_numbers(tool.cam))
 
 
@@ -86,9 +76,8 @@ def _numbers(names: Sequence[str]) -> list[float]:
 
 
 def _in_order(
-    result: Result, calls: Calls, kinds: Iterable[EventKind]
+    trace: Trace, calls: Made, kinds: Iterable[EventKind]
 ) -> list[tuple[EventKind, TraceEvent]]:
     """Return calls of several kinds in the order of the program."""
     kind_of = {id(event): kind for kind in kinds for event in calls.get(kind, ())}
-    events = result.paths.trace.events
-    return [(kind_of[id(event)], event) for event in events if id(event) in kind_of]
+    return [(kind_of[id(event)], event) for event in trace.events if id(event) in kind_of]

@@ -10,28 +10,22 @@ judged on the points that are left.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IndexArray
 from postproc.cell import Cell
 from postproc.controller import Blend, MotionType
-from postproc.errors import RunKind
 from postproc.kinematics import corner_miss
 from postproc.model import BLEND_SHARE, ToolPath
-from postproc.paths import Displacement, Paths
-from postproc.process import claimed, may_be_passed, only
+from postproc.paths import Paths
+from postproc.process import claimed, may_be_passed
 from postproc.records import dataclass
-from postproc.units import DEG, MM
-from postproc.verification.cam.compare import compare, paths_of, visits_of
-from postproc.verification.cam.comparison import Comparison, Tolerances
+from postproc.units import MM
 from postproc.verification.cam.elements import curve_points
-from postproc.verification.cam.feeds import AT_MOST
-from postproc.verification.cam.matching import wanted_of
+from postproc.verification.cam.matching import visits_of, wanted_of
 from postproc.verification.cam.real import RealPaths
 from postproc.verification.cam.tilt import Tilts
-from postproc.verification.report import Result
 
 _PIECE = 0.125
 """Share of a motion between two of its ``curve_points``."""
@@ -44,46 +38,41 @@ class Passed:
     """Tags (k,) that are passed: by which ``motion``, where on it, how far off [m].
 
     Where the motion begins or ends with an approximated corner there, by how far that may be passed
-    is in it.
+    is in it. ``axis_error``, ``tilt`` [rad]: of the tool axis there, as at any tag.
     """
 
     tag: IndexArray
     motion: AnyIntArray
     share: FloatArray
     chord: FloatArray
+    axis_error: FloatArray
+    tilt: FloatArray
 
 
-def compare_thinned(
-    result: Result,
-    cell: Cell,
-    toolpath: ToolPath,
-    tolerances: Tolerances,
-    displacement: Displacement | None = None,
-) -> Comparison:
-    """Compare as ``compare`` does, with points passed that the cell lets the program pass."""
-    thin = cell.motion.thin
-    if thin is None or not len(result.paths) or not len(toolpath):
-        return compare(result, cell, toolpath, tolerances, displacement)
-    real = paths_of(result, cell, toolpath, displacement)
-    left = 0.0 if displacement is None else displacement.left
-    wanted, claims = wanted_of(toolpath), claimed(toolpath, cell)
-    served = visits_of(result, real, wanted, claims, tolerances.position, left).first
+_NONE = Passed(np.zeros(0, np.int64), np.zeros(0, np.int64), *[np.zeros(0)] * 4)
+
+
+def passed_of(
+    cell: Cell, toolpath: ToolPath, real: RealPaths, tilts: Tilts, limits: tuple[float, float]
+) -> Passed:
+    """Return the tags that are passed, as far as the cell lets the program pass any.
+
+    Args:
+        cell: says how.
+        toolpath: what was asked for.
+        real: paths of the tool that is compared.
+        tilts: the axes that are allowed.
+        limits: the tolerance of points [m], and how far off they may be left at most.
+    """
+    if cell.motion.thin is None or not len(real.commanded) or not len(toolpath):
+        return _NONE
+    claims = claimed(toolpath, cell)
+    served = visits_of(real, wanted_of(toolpath), claims, *limits).first
     may = may_be_passed(toolpath, cell)
-    _give_back(served, may, real, toolpath, tolerances.position)
-    passed = _passed(result.paths, real, toolpath, served, may)
-    if not len(passed.tag):
-        return compare(result, cell, toolpath, tolerances, displacement)
-    kept = np.setdiff1d(np.arange(len(toolpath)), passed.tag)
-    tilts = Tilts.of(toolpath, cell)
-    fewer = only(toolpath, kept)
-    found = compare(result, cell, fewer, tolerances, displacement, tilts.rows(kept))
-    error, tilt = tilts.judge(passed.tag, _axes(result.paths, passed))
-    limits = thin.chord + (tolerances.position + left if displacement else 0.0), thin.axis
-    _judge(result, toolpath, passed, error, limits)
-    result.passed = len(passed.tag)
-    whole = _spread(found, toolpath, kept, passed, real)
-    whole.axis_error[passed.tag], whole.tilt[passed.tag] = error, tilt
-    return whole
+    _give_back(served, may, real, toolpath, limits[0])
+    found = _passed(real, toolpath, served, may)
+    error, tilt = tilts.judge(found.tag, _axes(real.commanded, found))
+    return replace(found, axis_error=error, tilt=tilt)
 
 
 def _give_back(
@@ -107,11 +96,9 @@ def _give_back(
                 break
 
 
-def _passed(
-    paths: Paths, real: RealPaths, toolpath: ToolPath, served: AnyIntArray, may: BoolArray
-) -> Passed:
+def _passed(real: RealPaths, toolpath: ToolPath, served: AnyIntArray, may: BoolArray) -> Passed:
     """Return the tags that are passed, by whatever distance."""
-    n = len(toolpath)
+    n, paths = len(toolpath), real.commanded
     rows = np.flatnonzero((served < 0) & may)
     before = np.maximum.accumulate(np.where(served >= 0, np.arange(n), -1))
     behind = np.minimum.accumulate(np.where(served >= 0, np.arange(n), n)[::-1])[::-1]
@@ -124,7 +111,7 @@ def _passed(
     others = np.append(0, np.cumsum(~is_way))
     fine &= (high >= low) & (others[high + 1] == others[low])
     rows, low, high = rows[fine], low[fine], high[fine]
-    found = _nearest(paths, real, np.asarray(toolpath.points), rows, low, high)
+    found = _nearest(real, np.asarray(toolpath.points), rows, low, high)
     found.chord[:] += _rounded(paths, found)
     return found
 
@@ -153,7 +140,6 @@ def _rounded(paths: Paths, passed: Passed) -> FloatArray:
 
 
 def _nearest(
-    paths: Paths,
     real: RealPaths,
     points: FloatArray,
     rows: IndexArray,
@@ -161,8 +147,8 @@ def _nearest(
     high: AnyIntArray,
 ) -> Passed:
     """Return where the motions ``low`` to ``high`` (k,) of tags ``rows`` pass them."""
-    k = len(rows)
-    found = Passed(rows, low.astype(np.int64), np.zeros(k), np.zeros(k))
+    k, paths = len(rows), real.commanded
+    found = Passed(rows, low.astype(np.int64), *(np.zeros(k) for _ in range(4)))
     way = np.zeros(k)
     is_line = paths.trace.motion_type == MotionType.LIN
     plain = (low == high) & is_line[low] & (len(real.paths) == 1)
@@ -208,48 +194,3 @@ def _axes(paths: Paths, passed: Passed) -> FloatArray:
     T = paths.curves.flange(passed.motion, passed.share, station.externals, paths.external)
     external = paths.curves.external_at(passed.motion, passed.share, paths.external)
     return station.in_part(T, external, passed.motion)[1]
-
-
-def _judge(
-    result: Result,
-    toolpath: ToolPath,
-    passed: Passed,
-    axis: FloatArray,
-    limits: tuple[float, float],
-) -> None:
-    """Report tags that are passed farther off than the cell allows, the worst first."""
-    excess = np.maximum(passed.chord / limits[0], axis / limits[1])
-    bad = np.flatnonzero(excess > 1.0)
-    more = f", {len(bad)} such tags" if len(bad) > AT_MOST else ""
-    for place in bad[np.argsort(-excess[bad], kind="stable")][:AT_MOST].tolist():
-        tag = int(passed.tag[place])
-        off = f"{passed.chord[place] / MM:.4f} mm and {axis[place] / DEG:.4f} deg off"
-        allowed = f"{limits[0] / MM:g} mm and {limits[1] / DEG:g} deg are allowed"
-        text = f"tag {toolpath.tag_name(tag)} (line {int(toolpath.line[tag])}): passed {off}"
-        kind = RunKind.POSITION if passed.chord[place] > limits[0] else RunKind.AXIS
-        result.finding(kind, int(passed.motion[place]), f"{text}, {allowed}{more}")
-
-
-def _spread(
-    found: Comparison, toolpath: ToolPath, kept: IndexArray, passed: Passed, real: RealPaths
-) -> Comparison:
-    """Return a comparison of the tags ``kept`` as one of all tags of the toolpath."""
-    n = len(toolpath)
-
-    def whole(values: AnyIntArray | FloatArray, of_passed: AnyIntArray | FloatArray) -> Any:  # noqa: ANN401
-        column = np.zeros(n, dtype=values.dtype)
-        column[kept], column[passed.tag] = values, of_passed
-        return column
-
-    nominal = found.nominal_error
-    return replace(
-        found,
-        wanted=wanted_of(toolpath),
-        served=whole(found.served, passed.motion),
-        latest=whole(found.latest, passed.motion),
-        position_error=whole(found.position_error, passed.chord),
-        axis_error=whole(found.axis_error, np.zeros(len(passed.tag))),
-        tilt=whole(found.tilt, np.zeros(len(passed.tag))),
-        real=real,
-        nominal_error=None if nominal is None else whole(nominal, passed.chord),
-    )

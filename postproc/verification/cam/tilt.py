@@ -2,7 +2,7 @@
 
 Lead and side tilt of ``model.tilt``, found from the CAM file and the executed path alone. At a tag
 both must lie in their ranges; the error is the angle to the nearest allowed axis. Between two tags
-the range holds with ``BETWEEN`` more, against the CAM axis and the feed direction in between:
+the range holds with a little more, against the CAM axis and the feed direction in between:
 turning evenly from tag to tag, going round with an arc.
 """
 
@@ -14,21 +14,11 @@ import numpy as np
 
 from postproc.arrays import AnyIntArray, FloatArray
 from postproc.cell import Cell, TiltRange
-from postproc.errors import RunKind
 from postproc.geometry import angle_between, rotation_about, turned_between
 from postproc.model import CUTS, MotionKind, ToolPath
 from postproc.process import PLUNGING, SHARPEST, repeats
 from postproc.records import dataclass
-from postproc.units import DEG
 from postproc.verification.cam.elements import Arc, Line, element_to
-from postproc.verification.cam.feeds import AT_MOST
-from postproc.verification.report import Result
-
-BETWEEN = 0.5 * DEG
-"""By so much [rad] lead and side tilt may leave their range between two tags."""
-_UPRIGHT = 0.01 * DEG
-_ON_THE_SPOT = 2e-6
-"""Where on a shorter way [m] a sample lies cannot be told: program text has 0.1 um."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,56 +165,3 @@ def _arriving(toolpath: ToolPath, row: int) -> FloatArray:
     if isinstance(element, Arc):
         return np.asarray(rotation_about(element.normal, element.sweep) @ way)
     return way
-
-
-def check_between(
-    result: Result,
-    tilts: Tilts,
-    toolpath: ToolPath,
-    motions: dict[int, tuple[int, ...]],
-    tilt: FloatArray,
-) -> None:
-    """Report where the tool leaves the allowed tilt between two tags.
-
-    Args:
-        result: joint paths of the program; collects the findings.
-        tilts: what is allowed.
-        toolpath: the CAM file.
-        motions: tag to the motions that cut towards it.
-        tilt: (n,) allowed tilt that was found at the tags [rad]; a line between two upright tags
-            is as it is without any tilt, and passed over.
-    """
-    paths, found = result.paths, []
-    for row, covered in motions.items():
-        if not covered or (len(covered) == 1 and max(tilt[row - 1], tilt[row]) < _UPRIGHT):
-            continue
-        element = element_to(toolpath, row)
-        low, high = np.searchsorted(paths.row, [covered[0], covered[-1] + 1])
-        samples = np.arange(low, high)[np.isin(paths.row[low:high], covered)]
-        samples = samples[np.isfinite(paths.axis[samples, 0])]
-        if not len(samples) or element.length < _ON_THE_SPOT:
-            continue
-        share = _shares(element, paths.point[samples])
-        arc = element if isinstance(element, Arc) else None
-        beyond = tilts.beyond(row, share, paths.axis[samples], arc)
-        worst = int(beyond.argmax())
-        if beyond[worst] > BETWEEN:
-            found.append((float(beyond[worst]), row, int(paths.row[samples[worst]])))
-    found.sort(key=lambda item: (-item[0], item[1]))
-    for value, row, motion in found[:AT_MOST]:
-        more = f", {len(found)} such cuts" if len(found) > AT_MOST else ""
-        place = f"{toolpath.tag_name(row)} (line {int(toolpath.line[row])})"
-        text = f"on the way to tag {place} the tool axis is {value / DEG:.4f} deg off{more}"
-        result.finding(RunKind.AXIS, motion, text)
-
-
-def _shares(element: Line | Arc, points: FloatArray) -> FloatArray:
-    """Return how far (k,) along an element points (k, 3) are, 0 to 1; they follow each other."""
-    if isinstance(element, Line):
-        along = element.measure(points, 0.0)[1]
-    else:
-        along, reached = np.empty(len(points)), 0.0
-        for place, point in enumerate(points):
-            reached = float(element.measure(point[None], reached)[1][0])
-            along[place] = reached
-    return np.clip(along / element.length, 0.0, 1.0)
