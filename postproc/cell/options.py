@@ -41,6 +41,7 @@ def optimize_of(table: OptimizeTable) -> Optimize:
         preset=table.preset,
         turns=table.turns,
         refine=table.refine,
+        spin_round=table.spin_round_deg * DEG,
         key_every=table.key_every_mm * MM,
         key_corner=table.key_corner_deg * DEG,
         key_tags=tuple(str(tag) for tag in table.key_tags),

@@ -335,6 +335,7 @@ CASES: dict[str, tuple[Any, ...]] = {
     "optimize.preset": ({}, {"optimize.preset": "fastest"}),
     "optimize.turns": ({"optimize.objective": {"travel": 1.0}}, {"optimize.turns": False}),
     "optimize.refine": ({}, {"optimize.refine": False}),
+    "optimize.spin_round_deg": ({}, {"optimize.spin_round_deg": 7.0}),
     "optimize.key_every_mm": (SMOOTH, {"optimize.key_every_mm": 1e4}, LINE),
     "optimize.key_corner_deg": (
         {**SMOOTH, "optimize.key_every_mm": 1e4},

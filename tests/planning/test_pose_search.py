@@ -12,9 +12,9 @@ from postproc.collision.scene import Scene
 from postproc.model.toolpath import Cycle, MotionKind
 from postproc.planning.checks.feasible import Checker
 from postproc.planning.planner import problem_of
-from postproc.planning.search import moved, strategy
-from postproc.planning.search.pose_search import PoseSearch, _within
-from postproc.planning.search.refine import TagPoses
+from postproc.planning.search import strategy
+from postproc.planning.search.pose_search import PoseSearch, _within, travel
+from postproc.planning.states import TRAVEL_UNIT, evaluate
 from postproc.planning.states.settings import PlanOptions, settle
 from postproc.units import DEG
 
@@ -116,45 +116,34 @@ def test_what_fails_beside_a_pose_collides_and_the_wrist_turned_over_is_among_it
     assert turned_over > 5
 
 
-def test_refined_poses_are_free(make_cell, make_path, monkeypatch):
-    """Poses put back on the grid move their neighbours: what was found good may not be any more."""
-    check, rounds = moved.failing, []
-    monkeypatch.setattr(
-        moved, "failing", lambda *given: rounds.append(len(rounds)) or check(*given)
-    )
-    repeated = 0
+def test_poses_on_round_spins_are_free_and_cost_no_more(make_cell, make_path):
+    lower = 0
     for seed in range(0, 50, 3):
         checker = crowded(make_cell, make_path, seed)
-        rounds.clear()
-        chosen = strategy.choose(checker, lambda *_: None).chosen
-        good = np.nonzero(chosen.good)[0]
-        again = checker.states(good, chosen.q[good], chosen.attitude[good], chosen.branch[good])
-        assert again.good.all()
-        repeated += len(rounds) > 1
-    assert repeated > 0
+        optimize = checker.problem.cell.optimize
+        chosen, settings = {}, checker.problem.settings
+        settings = replace(settings, weights=replace(settings.weights, prices=()))
+        for refine in (False, True):
+            cell = replace(checker.problem.cell, optimize=replace(optimize, refine=refine))
+            problem = replace(checker.problem, cell=cell, settings=settings)
+            here = replace(checker, problem=problem)
+            chosen[refine] = strategy.choose(here, lambda *_: None).chosen
+        good = np.nonzero(chosen[True].good)[0]
+        assert np.array_equal(good, np.nonzero(chosen[False].good)[0])
+        grid, moved = (chosen[refine].at(good) for refine in (False, True))
+        assert checker.states(good, moved.q, moved.attitude, moved.branch).good.all()
+        assert np.allclose(moved.spin / DEG, np.round(moved.spin / DEG))
+        cost = [objective(checker.problem, good, poses) for poses in (grid, moved)]
+        assert cost[1] <= cost[0] + 1e-6
+        lower += cost[1] < cost[0] - 1e-3
+    assert lower > 5
 
 
-def test_refined_poses_that_stand_still_are_not_checked_again(make_cell, make_path):
-    checker = crowded(make_cell, make_path, 3)
-    search = PoseSearch.of(checker, np.arange(5))
-    every = np.arange(len(search.states.q))
-    bad = every[~search.check_states(every)]
-    tags = search.states.tag_of(bad)
-    first = bad[np.unique(tags, return_index=True)[1]]
-    tags = search.states.tag_of(first)
-    assert len(tags) > 2
-    poses = TagPoses(
-        tags,
-        search.states.attitude_of(first),
-        search.states.branch[first].astype(np.int64),
-        search.states.q[first].astype(np.float64),
-        np.zeros(len(tags)),
-        np.ones(len(tags)),
-        np.ones(len(tags)),
-    )
-    passed = np.arange(len(tags)) % 2 == 0
-    free = np.ones(len(tags), dtype=np.bool_)
-    assert np.array_equal(moved.failing(checker, search.between, poses, free, passed), ~passed)
+def objective(problem, tags, poses):
+    """Return what a sequence of holes costs, without prices of losses."""
+    T = problem.placement.tcp(tags, poses.attitude)
+    cost = evaluate(problem, tags, poses.spin, T, poses.q)[0].sum()
+    return cost + problem.settings.weights.travel / TRAVEL_UNIT**2 * travel(poses)
 
 
 @pytest.mark.parametrize("seed", range(20))

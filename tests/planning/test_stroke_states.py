@@ -1,4 +1,4 @@
-"""States that cannot run their stroke are no states, and refined poses can run theirs."""
+"""States that cannot run their stroke are no states."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ from postproc.model import MotionKind
 from postproc.planning import PlanOptions, settle
 from postproc.planning.checks import Checker, Reason
 from postproc.planning.planner import problem_of
-from postproc.planning.search.refine import Bounds, TagPoses, refine
-from postproc.planning.states import evaluate, sample
+from postproc.planning.states import sample
 from postproc.units import DEG
 
 APPROACH = 0.25
@@ -67,42 +66,3 @@ def test_the_states_are_those_whose_stroke_can_be_run(problems):
     lost = free.refused.sum(axis=1) - bound.refused.sum(axis=1)
     count = [len(np.unique(states.config)) for states in (free, bound)]
     assert -lost.sum() == count[0] - count[1] > 0
-
-
-def test_refined_poses_are_local_optima_that_can_run_their_strokes(problems):
-    problem = problems[1]
-    states = sample(problem, np.arange(30), problem.settings.spins)
-    tags = np.flatnonzero(np.diff(states.offsets))
-    first = states.offsets[tags]
-    poses = TagPoses(
-        tags,
-        states.attitude_of(first),
-        states.branch[first].astype(np.int64),
-        states.q[first].astype(np.float64),
-        np.zeros(len(tags)),
-        np.ones(len(tags)),
-        np.ones(len(tags)),
-    )
-    wide = np.full((len(tags), 3), np.inf)
-    free = np.tile([True, False, False], (len(tags), 1))
-    refined = refine(problem, poses, Bounds(free, -wide, wide))
-    checker = Checker(problem, None)
-
-    def costs(attitude, q):
-        T = problem.placement.tcp(tags, attitude)
-        solved, reached = problem.solve(T, problem.placement.external[tags], poses.branch, q)
-        runs = reached & checker.states(tags, solved, attitude, poses.branch).good
-        runs &= problem.within(solved) & problem.regular(solved)
-        cost, index = evaluate(problem, tags, attitude[:, 0], T, solved)
-        price = problem.settings.weights.price(1.0 - index)
-        return np.where(runs, cost + price, np.inf)
-
-    before, after = costs(poses.attitude, poses.q), costs(refined.attitude, refined.q)
-    assert np.isfinite(after).all()
-    assert (after <= before + 1e-6).all(), "joints on the grid are held in single precision"
-    assert (np.abs(refined.attitude - poses.attitude)[:, 0] > 0.5 * DEG).mean() > 0.5
-    better = 0
-    for step in (-0.3, 0.3):
-        beside = refined.attitude + np.array([step * DEG, 0.0, 0.0])
-        better += (costs(beside, refined.q) < after - 1e-6).sum()
-    assert better <= 0.1 * len(tags), "at a kink of the cost or of reach some stand beside it"

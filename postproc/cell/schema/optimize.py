@@ -74,6 +74,10 @@ class OptimizeTable(Table):
     refine: bool = Field(
         default=True, description="leave the grid of turns for better ones in between"
     )
+    spin_round_deg: Annotated[float, Field(ge=0.0, le=10.0)] = Field(
+        default=1.0,
+        description="holes and key tags take spins that are multiples of this; 0: any [deg]",
+    )
     key_every_mm: Positive = Field(
         default=100.0, description="smooth: a key tag at least every so many mm of path"
     )

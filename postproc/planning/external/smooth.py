@@ -6,7 +6,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray, IndexArray
 from postproc.planning.external.rating import BLOCKED, Rating
-from postproc.planning.search import cubic, slopes, tridiagonal
+from postproc.planning.search import cubic, slopes
 from postproc.process import AXIS_SHARE
 
 CALM = 0.5
@@ -74,7 +74,7 @@ def _calmed(way: FloatArray, value: FloatArray, length: float) -> FloatArray:
     diagonal[1:] += link
     diagonal[:-1] += link
     for _ in range(2):
-        value = np.column_stack([tridiagonal(diagonal, -link, weight * part) for part in value.T])
+        value = np.column_stack([_tridiagonal(diagonal, -link, weight * part) for part in value.T])
     return value
 
 
@@ -88,3 +88,22 @@ def _curve(knots: FloatArray, value: FloatArray, way: FloatArray) -> FloatArray:
         ends = (part[at], part[at + 1], slope[at], slope[at + 1])
         columns.append(np.round(cubic((way - knots[at]) / h, h, ends), _MICRON))
     return np.column_stack(columns)
+
+
+def _tridiagonal(diagonal: FloatArray, beside: FloatArray, right: FloatArray) -> FloatArray:
+    """Solve a symmetric tridiagonal system.
+
+    Args:
+        diagonal: (n,).
+        beside: (n-1,) entries beside the diagonal.
+        right: (n,) right-hand side.
+    """
+    d, e, r = diagonal.tolist(), beside.tolist(), right.tolist()
+    for i in range(1, len(d)):
+        factor = e[i - 1] / d[i - 1]
+        d[i] -= factor * e[i - 1]
+        r[i] -= factor * r[i - 1]
+    x = [0.0] * len(d)
+    for i in range(len(d) - 1, -1, -1):
+        x[i] = (r[i] - (e[i] * x[i + 1] if i + 1 < len(d) else 0.0)) / d[i]
+    return np.array(x)

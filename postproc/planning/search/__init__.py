@@ -4,7 +4,6 @@ from postproc.planning.search.between import cubic, slopes
 from postproc.planning.search.edges import best_of
 from postproc.planning.search.keytags import arc_length, key_tags, spaced
 from postproc.planning.search.pose_search import PoseSearch
-from postproc.planning.search.refine import tridiagonal
 from postproc.planning.search.rungs import Parted, step_rules
 from postproc.planning.search.sequence import ordered, ordered_by_place
 from postproc.planning.search.strategy import Choice, choose
@@ -23,5 +22,4 @@ __all__ = [
     "slopes",
     "spaced",
     "step_rules",
-    "tridiagonal",
 ]

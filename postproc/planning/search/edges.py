@@ -44,6 +44,13 @@ class Edges:
     q: FloatArray
     is_between: BoolArray
 
+    @classmethod
+    def none(cls, index: FloatArray) -> Edges:
+        """Return none between the spins of the grid, which has these indices (n,)."""
+        n = len(index)
+        where = np.zeros(n), np.zeros(n, dtype=np.int64), np.zeros((n, 6))
+        return cls(index.astype(np.float64), *where, np.zeros(n, dtype=np.bool_))
+
     def merged(self, other: Edges, join: Callable[[AnyArray, AnyArray], AnyArray]) -> Edges:
         """Return these with those of other tags, each column joined by ``join``."""
         names = [column.name for column in fields(self)]
@@ -71,14 +78,7 @@ def edges_of(
         pinned: (n,) tags whose spin is given.
         stride: every how many of the finest spins are in the grid.
     """
-    n = len(tags)
-    found = Edges(
-        best_of(states).astype(np.float64),
-        np.zeros(n),
-        np.zeros(n, dtype=np.int64),
-        np.zeros((n, 6)),
-        np.zeros(n, dtype=np.bool_),
-    )
+    n, found = len(tags), Edges.none(best_of(states))
     if problem.settings.weights.main is None:
         return found
     for low in range(0, n, _TAGS):

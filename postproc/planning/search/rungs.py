@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,7 +25,10 @@ from postproc.planning.states import (
     Chosen,
     Problem,
     States,
+    beside_in_grid,
     cut_into,
+    rounded_spin,
+    sample,
     sample_on,
 )
 from postproc.process import AXIS_SHARE
@@ -74,6 +78,12 @@ ROLL_PRICE = 0.02
 whose rounding may favour one of two mirrored poses by it."""
 ARM, WRIST = 3, 4
 """The bits of a branch that say how shoulder and elbow stand, and the wrist."""
+_FINEST = 0.1 * DEG
+"""Step of the spins about a pose where the cell rounds none."""
+_ROUND = 1e-5
+"""A spin is round that is nearer to it, in such steps: the grid of poses rounds as well."""
+FINER_PRICE = 0.01
+"""What a spin between round ones has to gain: 1 % of stiffness, less than any arm is known to."""
 _AT_ONCE = 1000
 """Tags whose states are priced together, so that memory stays bounded."""
 
@@ -100,6 +110,39 @@ class Parted(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
+class Window:
+    """Spins about a pose of each of N tags: spins (N, S), branch (N,), q (N, 6) [rad].
+
+    The first spin of each is that of the pose itself. ``tilt`` (N,): number of its tilt. ``best``
+    (N,) [N/m]: index that losses are priced against.
+    """
+
+    spins: FloatArray
+    branch: IndexArray
+    q: FloatArray
+    tilt: IndexArray
+    best: FloatArray
+
+    @classmethod
+    def around(
+        cls, problem: Problem, chosen: Chosen, best: FloatArray, edge: FloatArray | None
+    ) -> Window:
+        """Return the round spins within a step of the grid about poses, and about edges of reach.
+
+        ``edge`` (N,): spin of each edge, else that of the pose.
+        """
+        free = np.isnan(problem.pins)
+        spins = [chosen.spin[:, None], _round_about(problem, chosen.spin, free)]
+        spins += [] if edge is None else [_round_about(problem, edge, free)]
+        tilt = np.abs(chosen.attitude[:, None, 1:] - problem.tilts).sum(axis=2).argmin(axis=1)
+        return cls(np.hstack(spins), chosen.branch, chosen.q, tilt, best)
+
+    def shut(self, tags: BoolArray) -> Window:
+        """Return the window with nothing but the poses themselves at tags (N,)."""
+        return replace(self, spins=np.where(tags[:, None], self.spins[:, :1], self.spins))
+
+
+@dataclass(frozen=True, slots=True)
 class Wish:
     """What a search is for.
 
@@ -110,7 +153,7 @@ class Wish:
     ``CHANGE`` where it is another at the next tag. ``main`` (n,) [rad]: spin of which tags stand
     off by more than ``STEADY_BAND`` only where that earns ``ROLL_PRICE``, NaN where any will do;
     None: nowhere. ``parted``: where the tool is off the part, no step leads from near the one side
-    to near the other if any other can be run.
+    to near the other if any other can be run. ``window``: the only poses there are; None: all.
     """
 
     each: bool = False
@@ -120,6 +163,28 @@ class Wish:
     steady: int = 0
     main: FloatArray | None = None
     parted: tuple[Parted, ...] = ()
+    window: Window | None = None
+
+
+def _round_about(problem: Problem, spin: FloatArray, free: BoolArray) -> FloatArray:
+    """Return the round spins (n, S) within a step of the grid about spins (n,), if ``free`` (n,).
+
+    Where the cell does not allow one the spin itself stands for it.
+    """
+    wishes, low, high = problem.cell.optimize, *problem.cell.optimize.range
+    step = wishes.spin_round or _FINEST
+    count = int(np.ceil(wishes.step / step - 1e-9)) if len(problem.settings.spins) > 1 else 0
+    spins = (np.round(spin[:, None] / step) + np.arange(1 - count, count)) * step
+    inside = (spins >= low - 1e-9) & (spins <= high + 1e-9)
+    inside |= high - low >= 2.0 * np.pi - 1e-9
+    return rounded_spin(np.where(inside & free[:, None], spins, spin[:, None]))
+
+
+def is_round(problem: Problem, spin: FloatArray) -> BoolArray:
+    """Return which spins (n,) are round ones, all where the cell rounds none."""
+    step = problem.cell.optimize.spin_round
+    off = np.abs(spin / step - np.round(spin / step)) if step else np.zeros(len(spin))
+    return np.asarray(off < _ROUND)
 
 
 def step_rules(problem: Problem) -> IndexArray:
@@ -151,9 +216,12 @@ def states_on(
     """Return the states of tags (n,) on their grids of spins, which are pinned, the stiffest."""
     spins, pin = pinned_spins(problem, tags)
     pinned = pin != NONE
-    states = sample_on(problem, tags, spins, stride)
-    edges = edges_of(problem, tags, states, pinned, problem.fine)
-    best, price = yardstick(problem, states, edges), problem.settings.weights.price
+    states, edges, best = (
+        _on_grid(problem, tags, spins, stride, pinned)
+        if wish.window is None
+        else _in_window(problem, tags, wish.window)
+    )
+    price = problem.settings.weights.price
     for low in range(0, len(tags), _AT_ONCE):
         edge = states.offsets[low : low + _AT_ONCE + 1]
         part = slice(int(edge[0]), int(edge[-1]))
@@ -164,14 +232,37 @@ def states_on(
         free = ~pinned[owner]
         states.cost[free] += price_of_lack(states.index[free], wish.least[tags][owner[free]])
     states.cost[_stuck(problem, tags, states)] += STUCK
-    if pinned.any():
+    if pinned.any() and wish.window is None:
         owner = states.tag_of(np.arange(len(states.q)))
         column = states.column % spins.shape[-1]
         states.cost[pinned[owner] & (column != pin[owner])] = np.inf
     if wish.each:
         spin = states.spin_of(np.arange(len(states.q)))
         states.cost += _TIE_SPIN * (spin / TRAVEL_UNIT) ** 2
-    return states, pinned, edges
+    return states, pinned | (wish.window is not None), edges
+
+
+def _on_grid(
+    problem: Problem, tags: IndexArray, spins: FloatArray, stride: IndexArray, pinned: BoolArray
+) -> tuple[States, Edges, FloatArray]:
+    """Return the states of tags (n,) on their grids, the stiffest, and the yardstick (n,)."""
+    states = sample_on(problem, tags, spins, stride)
+    edges = edges_of(problem, tags, states, pinned, problem.fine)
+    return states, edges, yardstick(problem, states, edges)
+
+
+def _in_window(
+    problem: Problem, tags: IndexArray, window: Window
+) -> tuple[States, Edges, FloatArray]:
+    """Return as ``_on_grid`` the states of tags (n,) in a window."""
+    at = window.spins[tags], window.branch[tags], window.q[tags]
+    states = sample(problem, tags, *at, tilts=problem.tilts)
+    tilt, spin = np.divmod(states.column, states.spins.shape[-1])
+    owner = states.tag_of(np.arange(len(states.q)))
+    states.cost[(spin == 0) & ~is_round(problem, at[0][:, 0])[owner]] += FINER_PRICE
+    near = beside_in_grid(problem.tilts) | np.eye(len(problem.tilts), dtype=np.bool_)
+    states.cost[~near[window.tilt[tags][owner], tilt]] = np.inf
+    return states, Edges.none(best_of(states)), window.best[tags]
 
 
 def price_of_lack(index: FloatArray, least: FloatArray) -> FloatArray:

@@ -34,9 +34,9 @@ from postproc.planning.search.loss import (
     loss_report,
 )
 from postproc.planning.search.main_spin import main_spins
-from postproc.planning.search.moved import moved_off_grid
 from postproc.planning.search.pose_search import PoseSearch, travel
 from postproc.planning.search.roll import without_roll
+from postproc.planning.search.round_spins import between_round, on_round_spins
 from postproc.planning.search.rungs import ARM, TIE_TRAVEL, WRIST, Wish, changes_of
 from postproc.planning.states import Chosen, take_joints
 from postproc.records import dataclass
@@ -85,13 +85,15 @@ def choose(checker: Checker, step: Step, known: PoseSearch | None = None) -> Cho
             found, chosen = _run(search, growth, step)
     record, q_grid = search.record(found, chosen), chosen.q
     is_bound = wishes.strategy is Strategy.EACH and wishes.loss_bound is not None
-    if wishes.refine and (wishes.strategy is Strategy.GLOBAL or is_bound):
+    moved = wishes.refine and (wishes.strategy is Strategy.GLOBAL or is_bound)
+    if moved:
         step(0, 0, "refine")
         at_edges = isinstance(wishes.objective, str) and wishes.preset is Preset.STIFFEST
         at_edges |= wishes.loss_bound is not None
-        chosen = _moved(search, chosen, at_edges=at_edges)
+        chosen = on_round_spins(search, chosen, at_edges=at_edges)
         record |= {"travel_rad2_grid": record["travel_rad2"], "travel_rad2": travel(chosen)}
     findings = explained(checker, search.evidence(chosen))
+    findings += between_round(problem, search.tags, chosen) if moved else []
     findings += gave_up(checker, chosen, findings, sorted(growth.gave_up))
     best = along(between, search.tags, search.edges.index) if bound is None else bound.best
     take_joints(problem, chosen)
@@ -155,17 +157,6 @@ def _without_ways(search: PoseSearch, chosen: Chosen) -> int:
         if not search.wish.steady & bits and not has_ways(search.checker, chosen, changes):
             return bits
     return 0
-
-
-def _moved(search: PoseSearch, chosen: Chosen, *, at_edges: bool) -> Chosen:
-    """Return the poses moved off the grid; in other postures only if free ways lead there."""
-    steady = search.wish.steady
-    moved = moved_off_grid(search, chosen, at_edges=at_edges, steady=steady)
-    every = ARM | WRIST
-    changes = np.setdiff1d(changes_of(every & ~steady, moved), changes_of(every, chosen))
-    if has_ways(search.checker, moved, changes):
-        return moved
-    return moved_off_grid(search, chosen, at_edges=at_edges, steady=every)
 
 
 def _is_key(search: PoseSearch) -> BoolArray:

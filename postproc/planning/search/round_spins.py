@@ -1,0 +1,134 @@
+"""Poses on round spins about those of the grid, and the spin between key tags made smooth.
+
+The grid finds the right valley; inside it the best sequence is searched once more, on round spins
+within a step of the grid around every pose, in its branch. What is round stays where it is when
+something near it changes. The checks are those of any search.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.errors import Finding, Severity
+from postproc.planning.search.between import Interpolation, cubic, slopes
+from postproc.planning.search.cuts import Spans, judge_rows
+from postproc.planning.search.pose_search import PoseSearch
+from postproc.planning.search.rungs import FINER_PRICE, Window, is_round, yardstick
+from postproc.planning.states import Chosen, Problem, entered_anew
+from postproc.process import feeds_of
+from postproc.units import PERCENT
+
+_SAME = 1e-6
+"""Shorter steps [rad or m] are none."""
+_TRIES = 3
+"""So often cuts that fail on round spins are left on the grid, before all are."""
+
+
+def on_round_spins(search: PoseSearch, chosen: Chosen, *, at_edges: bool) -> Chosen:
+    """Return the chosen poses moved to round spins near by, where that costs no more.
+
+    Args:
+        search: what the poses were chosen by.
+        at_edges: whether tags by themselves may stand at edges of reach, wherever these are.
+        chosen: poses of the grid; where a tag or a cut fails these are returned.
+    """
+    problem, between, tags = search.checker.problem, search.between, search.tags
+    broken = chosen.entry & ~entered_anew(problem.toolpath)
+    if not chosen.good[tags].all() or broken[tags[1:]].any():
+        return chosen
+    best = np.full(len(problem), np.nan)
+    best[tags] = yardstick(problem, search.states, search.edges)
+    chain, edge = np.cumsum(~between.is_cut), chosen.spin.copy()
+    alone = np.bincount(chain)[chain[tags]] == 1
+    alone &= search.edges.is_between & (search.edges.branch == chosen.branch[tags])
+    edge[tags[alone]] = search.edges.spin[alone]
+    window = Window.around(problem, chosen, best, edge if at_edges else None)
+    for _ in range(_TRIES):
+        near = PoseSearch.of(search.checker, tags, replace(search.wish, window=window), between)
+        near.ladder.reach = _reach(near, chosen)
+        moved = near.chosen(near.run())
+        bad = np.union1d(np.flatnonzero(chosen.good & ~moved.good), sorted(near.wanted))
+        bad = np.union1d(bad, np.flatnonzero(moved.entry & ~chosen.entry)).astype(np.int64)
+        if not len(bad):
+            linked = (near.weight > 0.0) & ~moved.entry[tags]
+            _smoothed(near, linked & (tags != tags[0]), moved)
+            return moved
+        window = window.shut(np.isin(chain, chain[bad]))
+    return chosen
+
+
+def between_round(problem: Problem, tags: IndexArray, chosen: Chosen) -> list[Finding]:
+    """Return how many of key tags (m,) stand between round spins, if any does."""
+    tags = tags[chosen.good[tags] & np.isnan(problem.pins[tags])]
+    fine = tags[~is_round(problem, chosen.spin[tags])]
+    if not len(fine):
+        return []
+    text = (
+        f"{len(fine)} of {len(tags)} holes and key tags stand between round spins: of those near "
+        f"by none can be run, or each loses more than {FINER_PRICE / PERCENT:g} % of stiffness"
+    )
+    tag = int(fine[0])
+    return [Finding(Severity.NOTE, "PLN313", text, tag, problem.toolpath.source(tag))]
+
+
+def _reach(near: PoseSearch, chosen: Chosen) -> FloatArray:
+    """Return how far (n, k) the axes may move into each tag [rad].
+
+    Into a cut no farther than at the feed they can, or than they do on the grid.
+    """
+    problem, between, tags = near.checker.problem, near.between, near.tags
+    seconds = _feed_times(problem, between, tags)
+    known = np.abs(np.diff(chosen.q[tags], axis=0, prepend=chosen.q[tags][:1]))
+    fast = seconds[:, None] * np.asarray(problem.cell.robot.qd_max)
+    reach = np.full((len(tags), near.ladder.position.shape[1]), np.inf)
+    reach[:, :6] = np.maximum(fast, known + _SAME)
+    return reach if near.ladder.reach is None else np.minimum(reach, near.ladder.reach)
+
+
+def _feed_times(problem: Problem, between: Interpolation, tags: IndexArray) -> FloatArray:
+    """Return how long (n,) the steps into tags take at the feed [s], infinite off cuts."""
+    feed = feeds_of(problem.toolpath, problem.cell)[tags]
+    step = np.diff(between.way[tags], prepend=between.way[tags[:1]])
+    timed = between.is_cut[tags] & np.isfinite(feed) & (step > _SAME)
+    return np.where(timed, step / np.where(timed, feed, 1.0), np.inf)
+
+
+def _smoothed(near: PoseSearch, linked: BoolArray, chosen: Chosen) -> None:
+    """Let the twist run as a monotone cubic between key tags, in place, where that can be run."""
+    between, tags = near.between, near.tags
+    spans = _spans(near, linked, chosen)
+    if not len(spans):
+        return
+    cut = linked & between.is_cut[tags]
+    slope = np.zeros(len(tags))
+    twist = chosen.attitude[tags, 0] + between.carried[tags]
+    starts = np.flatnonzero(~cut)
+    for low, high in zip(starts.tolist(), np.append(starts[1:], len(cut)).tolist(), strict=True):
+        at = tags[low:high]
+        twist[low:high] = between.twists(at, chosen.attitude[at, 0])
+        if high - low > 1 and (np.diff(between.way[at]) > 1e-9).all():
+            slope[low:high] = slopes(between.way[at], twist[low:high])
+    rows = between.rows(spans.first, spans.last)
+    ends = (spans.attitude_first, spans.attitude_last)
+    attitude = between.attitudes(rows, (spans.first, spans.last), ends)
+    a = np.searchsorted(tags, spans.first)[rows.span]
+    b = np.searchsorted(tags, spans.last)[rows.span]
+    length = between.way[tags[b]] - between.way[tags[a]]
+    curve = cubic(rows.share, length, (twist[a], twist[b], slope[a], slope[b]))
+    inner = rows.share < 1.0
+    attitude[inner, 0] = between.spin_of(rows.tag[inner], curve[inner])
+    judged = judge_rows(near.checker, between, spans, rows, attitude)
+    good = judged.good(len(spans))[rows.span] & inner
+    chosen.attitude[rows.tag[good]], chosen.q[rows.tag[good]] = attitude[good], judged.q[good]
+
+
+def _spans(near: PoseSearch, linked: BoolArray, chosen: Chosen) -> Spans:
+    """Return the spans between successive key tags that are linked and hold tags."""
+    b = np.flatnonzero(linked[1:] & (np.diff(near.tags) > 1)) + 1
+    first, last = near.tags[b - 1], near.tags[b]
+    attitude, q = chosen.attitude, chosen.q
+    ends = attitude[first], attitude[last], q[first], q[last]
+    return Spans(first, last, *ends, chosen.branch[last])
