@@ -5,6 +5,7 @@ from postproc.planning.maps.plan_maps import PlanMaps, plan_maps
 from postproc.planning.maps.spin_curves import INDICES, SpinCurves, spin_curves, spin_degrees
 from postproc.planning.maps.spin_index import SpinIndex
 from postproc.planning.maps.spin_map import SpinClass, SpinMap, spin_map
+from postproc.planning.maps.tag_poses import TagPose, TagPoses
 
 __all__ = [
     "INDICES",
@@ -14,6 +15,8 @@ __all__ = [
     "SpinCurves",
     "SpinIndex",
     "SpinMap",
+    "TagPose",
+    "TagPoses",
     "colliding_pose",
     "plan_maps",
     "spin_curves",

@@ -10,7 +10,7 @@ from postproc.arrays import FloatArray, IndexArray, IntArray
 from postproc.cell import Cell
 from postproc.errors import Finding
 from postproc.model import Plan
-from postproc.planning.checks import grade_counts, moves_of_tags, near_solids
+from postproc.planning.checks import Grade, grades, moves_of_tags, near_solids
 from postproc.planning.maps.failing_poses import FailingPose, failing_poses
 from postproc.planning.maps.spin_index import SpinIndex, missing, spin_index
 from postproc.process import claimed
@@ -22,7 +22,7 @@ class PlanMaps:
     """Tags of a plan in figures.
 
     ``moves`` (n,) the move that works at each tag, -1 without any; ``clearance`` (n,) [m];
-    ``grades``: tags by criteria class; ``spins``: index over the spin, or ``no_spins`` why there is
+    ``grade`` (n,): ``Grade``; ``spins``: index over the spin, or ``no_spins`` why there is
     none; ``poses``: how the robot would stand at failing tags; ``tool``, ``base`` (n,): indices
     into those of the cell, -1 where no entry claims what the file asks for.
     """
@@ -31,10 +31,15 @@ class PlanMaps:
     tool: IntArray
     base: IntArray
     clearance: FloatArray
-    grades: Mapping[str, int]
+    grade: IntArray
     spins: SpinIndex | None
     poses: Mapping[int, FailingPose]
     no_spins: str = ""
+
+    @property
+    def grades(self) -> dict[str, int]:
+        """Tags by criteria class."""
+        return {grade.name.lower(): int((self.grade == grade).sum()) for grade in Grade}
 
 
 def _clearances(plan: Plan, cell: Cell) -> FloatArray:
@@ -57,7 +62,7 @@ def plan_maps(plan: Plan, cell: Cell, findings: Sequence[Finding]) -> PlanMaps:
         claims.tool,
         claims.base,
         _clearances(plan, cell),
-        grade_counts(plan, cell),
+        grades(plan, cell),
         spin_index(plan, cell, moves),
         failing_poses(plan, cell, moves, findings),
         missing(plan),

@@ -47,7 +47,7 @@ class SpinClass(IntEnum):
     UNREACHABLE = 4
 
 
-_CLASS_OF = {
+CLASS_OF = {
     Reason.NONE: SpinClass.FREE,
     Reason.COLLISION: SpinClass.COLLISION,
     Reason.SINGULAR: SpinClass.SINGULAR,
@@ -186,7 +186,7 @@ def _verdicts(checker: Checker, states: States, tags: IndexArray, rows: IndexArr
         states.spin_of(rows),
         states.branch[rows].astype(np.int64),
     ).reason
-    return np.array([_CLASS_OF[Reason(int(r))] for r in reason], dtype=np.int64)
+    return np.array([CLASS_OF[Reason(int(r))] for r in reason], dtype=np.int64)
 
 
 def _without_state(checker: Checker, tags: IndexArray) -> IntArray:
