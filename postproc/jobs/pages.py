@@ -21,9 +21,10 @@ from postproc.model import ToolPath
 from postproc.paths import Paths
 from postproc.planning import FailingPose, colliding_pose, plan_maps
 from postproc.report.pages.cell import Stance, cell_page
-from postproc.report.pages.program import program_page
+from postproc.report.pages.program import lead, program_data, program_page
 from postproc.report.pages.verify import MOST_ROWS, RunMaps, texts_by_motion, verify_page
-from postproc.report.parts import ProgramText, unix_text
+from postproc.report.pages.workbench import page_json
+from postproc.report.parts import ProgramText, tag_columns, unix_text
 from postproc.units import DEG
 from postproc.verification import VerifyReport
 
@@ -42,6 +43,21 @@ def page_of_conversion(conversion: Conversion) -> bytes:
         program_text(conversion.files, conversion.read),
         [HEAD, *(outcome.row() for outcome in conversion.trade)] if conversion.trade else (),
     )
+
+
+def workbench_data(conversion: Conversion) -> bytes:
+    """Return what the workbench shows of a conversion, as JSON."""
+    cell, findings, plan = conversion.cell, conversion.findings, conversion.plan
+    maps = plan_maps(plan, cell, findings)
+    text = program_text(conversion.files, conversion.read)
+    columns = tag_columns(plan, cell, maps, text)
+    data = program_data(plan, drawing_of(cell, every=True), maps, findings, text, columns)
+    data["lead"] = lead(plan, maps, columns, findings)
+    data["findings"] = [
+        [str(finding), finding.hint or "", str(finding.severity), finding.tag_index]
+        for finding in findings
+    ]
+    return page_json(data)
 
 
 def program_text(files: Mapping[str, bytes], read: ReadBack | None) -> ProgramText | None:

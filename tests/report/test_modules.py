@@ -12,7 +12,7 @@ from postproc.report.parts.modules import ASSETS, one_script
 
 ROOT = Path(__file__).resolve().parents[2]
 VIEWER = ROOT / "tools" / "viewer"
-ENTRIES = ("page.js", "program.js", "rows.js", "cell.js", "spin_map.js")
+ENTRIES = ("page.js", "program.js", "rows.js", "cell.js", "spin_map.js", "workbench.js")
 
 
 @pytest.fixture
@@ -93,7 +93,7 @@ def test_the_script_of_a_page_stands_alone(node, tmp_path, entry):
     checked = run(node, "--check", str(script))
     assert checked.returncode == 0, checked.stderr
     assert ("WebGLRenderer" in script.read_text()) == (
-        entry in ("program.js", "rows.js", "cell.js")
+        entry in ("program.js", "rows.js", "cell.js", "workbench.js")
     )
 
 

@@ -33,3 +33,9 @@ export function valueColours({ values, worse }) {
   const stops = [0, 1 / 3, 2 / 3, 1].map((t) => css(ramp(lowIsBad ? 1 - t : t)));
   return { low, high, colourOf, gradient: `linear-gradient(90deg,${stops.join(",")})` };
 }
+
+// a colour between two, for 0 to 1
+export function mix(from, to, t) {
+  const x = Math.max(0, Math.min(1, t));
+  return from.map((v, k) => v + x * (to[k] - v));
+}

@@ -40,8 +40,8 @@ export class RowList {
     this.#order = Array.from({ length: options.n }, (_, i) => i);
     options.fields.forEach((_, k) => this.#addHead(k));
     this.#host.addEventListener("scroll", () => this.#fill());
-    window.addEventListener("beforeprint", () => this.#print(true));
-    window.addEventListener("afterprint", () => this.#print(false));
+    window.onbeforeprint = () => this.#print(true);
+    window.onafterprint = () => this.#print(false);
     byId("failing")?.addEventListener("change", () => this.#filter(0));
     this.#filter();
   }

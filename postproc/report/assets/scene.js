@@ -20,12 +20,16 @@ import {
 import { Arm } from "./arm.js";
 import { lineSegments, pointMarks } from "./marks.js";
 import { Solids } from "./solids.js";
+import { viewOf } from "./views.js";
 
 const CLICK = 4; // px that the mouse may move between press and release
 const FLOOR = 8; // m
 const MEETING = 0.025; // m
 const PINK = 0xe91e63;
 const YELLOW = 0xffd600;
+const TIP = 0.008; // m
+const FILLED = 0.94; // share of the view
+const TOOL = [0.05, 0.1, 0.15];
 
 class SceneView {
   #host;
@@ -39,6 +43,8 @@ class SceneView {
   #ball;
   #meeting;
   #asked = false;
+  #tips = [];
+  #removals = [];
 
   constructor(host, renderer, { robot, bodies = [] }) {
     this.#host = host;
@@ -61,6 +67,7 @@ class SceneView {
     this.#scene.add(this.#meeting);
     if (robot) {
       this.#arm = new Arm(robot);
+      this.#addTips(robot);
       this.stand(robot.T_world_robroot, robot.T_world_base);
     }
     window.addEventListener("resize", () => this.#resize());
@@ -82,13 +89,33 @@ class SceneView {
     if (!this.#arm) return;
     this.#arm.place(angles);
     this.#solids.carry(this.#arm.frames);
+    for (const tip of this.#tips) tip.matrix.copy(this.#arm.frames.at(-1));
     this.#draw();
   }
 
   // shows the solids of one tool and what stands there in one base (their places in the cell)
   work(tool, base) {
     this.#solids.work(tool, base);
+    this.#tips.forEach((tip, k) => (tip.visible = k === tool));
     this.#draw();
+  }
+
+  // the line from the flange to the tool point, of each tool
+  #addTips({ tips = [], tool = 0 }) {
+    this.#tips = tips.map((tip, k) => {
+      const { lines, paint } = lineSegments([0, 0, 0, ...tip]);
+      paint(() => TOOL);
+      const ball = this.#addBall(PINK, {});
+      ball.scale.setScalar(TIP);
+      ball.position.set(...tip);
+      const group = new Group();
+      group.matrixAutoUpdate = false;
+      ball.visible = true;
+      group.add(lines, ball);
+      group.visible = k === tool;
+      this.#scene.add(group);
+      return group;
+    });
   }
 
   // names of the solids that are shown
@@ -129,6 +156,7 @@ class SceneView {
       lines.removeFromParent();
       lines.geometry.dispose();
     };
+    this.#removals.push(remove);
     return { paint: this.#drawing(paint), remove };
   }
 
@@ -136,8 +164,20 @@ class SceneView {
   addMarks(points, axes, size, onPick) {
     const { mesh, paint } = pointMarks(points, axes, size);
     this.#part.add(mesh);
-    this.#pick(mesh, onPick);
+    const listening = new AbortController();
+    this.#pick(mesh, onPick, listening);
+    this.#removals.push(() => {
+      listening.abort();
+      mesh.removeFromParent();
+      mesh.geometry.dispose();
+    });
     return { paint: this.#drawing(paint) };
+  }
+
+  // takes paths and marks away
+  clear() {
+    for (const remove of this.#removals) remove();
+    this.#removals = [];
   }
 
   // shows where a point of the workpiece lies
@@ -162,14 +202,15 @@ class SceneView {
     return ball;
   }
 
-  #pick(mesh, onPick) {
+  #pick(mesh, onPick, { signal }) {
     const canvas = this.#renderer.domElement;
     const ray = new Raycaster();
     let down = null;
-    canvas.addEventListener("pointerdown", (event) => {
+    const hear = (name, heard) => canvas.addEventListener(name, heard, { signal });
+    hear("pointerdown", (event) => {
       down = [event.clientX, event.clientY];
     });
-    canvas.addEventListener("click", ({ clientX, clientY }) => {
+    hear("click", ({ clientX, clientY }) => {
       if (down && Math.hypot(clientX - down[0], clientY - down[1]) > CLICK) return;
       const box = canvas.getBoundingClientRect();
       const x = ((clientX - box.left) / box.width) * 2 - 1;
@@ -194,6 +235,23 @@ class SceneView {
     axes.matrixAutoUpdate = false;
     axes.matrix.set(...rows);
     this.#scene.add(axes);
+  }
+
+  // looks so that the whole robot, its tool, the solids shown and points of the workpiece are in view
+  fit(points, from) {
+    const seen = points.map((point) => this.inWorld(point));
+    for (const frame of this.#arm?.frames ?? []) seen.push(frame.elements.slice(12, 15));
+    seen.push(...this.#solids.corners());
+    for (const { visible, matrix, children } of this.#tips) {
+      if (visible) seen.push(children[1].position.clone().applyMatrix4(matrix).toArray());
+    }
+    const vertical = Math.tan((this.#camera.fov * Math.PI) / 360) * FILLED;
+    const { target, distance } = viewOf(seen, from, vertical, vertical * this.#camera.aspect);
+    this.#controls.target.set(...target);
+    this.#camera.position.set(...target);
+    this.#camera.position.addScaledVector(new Vector3(...from).normalize(), distance);
+    this.#controls.update();
+    this.#draw();
   }
 
   // looks at a sphere of the world; without a direction from where it looks now
@@ -246,10 +304,12 @@ export const NO_SCENE = {
   inWorld: (point) => point,
   addSegments: () => ({ paint() {}, remove() {} }),
   addMarks: () => ({ paint() {} }),
+  clear() {},
   point() {},
   addFloor() {},
   addFrame() {},
   look() {},
+  fit() {},
 };
 
 // the 3D view of a page's data in an element

@@ -57,6 +57,22 @@ export class Solids {
     return this.#parts.filter(({ mesh }) => mesh.visible).map(({ name }) => name);
   }
 
+  // corners in the world of the boxes around the solids that are shown
+  *corners() {
+    for (const { mesh } of this.#parts) {
+      if (!mesh.visible) continue;
+      if (!mesh.geometry.boundingBox) mesh.geometry.computeBoundingBox();
+      mesh.updateWorldMatrix(true, false);
+      const { min, max } = mesh.geometry.boundingBox;
+      for (let k = 0; k < 8; k++) {
+        const corner = min
+          .clone()
+          .set(...["x", "y", "z"].map((a, j) => ((k >> j) & 1 ? max : min)[a]));
+        yield corner.applyMatrix4(mesh.matrixWorld).toArray();
+      }
+    }
+  }
+
   // moves what the links carry to the frames of the links
   carry(frames) {
     for (const { mesh, link } of this.#parts) if (link >= 0) mesh.matrix.copy(frames[link]);

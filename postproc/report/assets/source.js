@@ -18,7 +18,7 @@ export function linesNear(cam, at) {
   const numbers = at > 0 ? [at - 2, at - 1, at, at + 1, at + 2] : [];
   return numbers
     .filter((number) => cam.has(number))
-    .map((number) => ({ number, text: cam.get(number), here: number === at }));
+    .map((number) => ({ number, text: cam.get(number), here: number === at, cam: number }));
 }
 
 // Lines of a program between first and last of some moves: {number, text, here, move}. moveOf: from
@@ -39,10 +39,11 @@ export function linesOfMoves(texts, moveOf) {
 
 export function showLines(host, lines) {
   host.replaceChildren(
-    ...lines.map(({ number, text, here, move }) => {
+    ...lines.map(({ number, text, here, move, cam }) => {
       const textContent = `${number}  ${text}`;
       const line = element("div", { textContent, className: here ? "here" : "" });
       if (move !== undefined) line.dataset.move = move;
+      if (cam !== undefined) line.dataset.cam = cam;
       return line;
     }),
   );

@@ -11,7 +11,7 @@ from postproc.arrays import FloatArray
 from postproc.cell import Cell, Tool, Workpiece
 from postproc.errors import Finding, Severity
 from postproc.records import dataclass
-from postproc.report.parts import Drawing, Page, add_scene, escape, table
+from postproc.report.parts import Drawing, Page, escape, scene_data, table
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,7 @@ def cell_page(
     """
     cell = drawing.cell
     page = Page(f"Cell {cell.name}", _lead(cell, findings))
-    add_scene(page, drawing)
+    page.data |= scene_data(drawing)
     page.script = "cell.js"
     T_world_robroot = np.asarray(cell.robot.T_world_robroot)
     T_world_flange = T_world_robroot @ stance.T_robroot_flange

@@ -18,7 +18,6 @@ from postproc.report.parts import (
     ProgramText,
     T_world_base,
     TagColumn,
-    add_scene,
     axes_in_drawn_base,
     cam_lines,
     escape,
@@ -26,6 +25,7 @@ from postproc.report.parts import (
     in_drawn_base,
     packed,
     packed_text,
+    scene_data,
     table,
     tag_columns,
 )
@@ -53,17 +53,30 @@ def program_page(
         text: the program text, read back; None when no text was written.
         presets: head and rows of what each preset would lose and gain; none where not asked.
     """
-    cell = drawing.cell
-    failing = {
-        int(i.tag_index): i.message
-        for i in findings
-        if i.severity is Severity.ERROR and i.tag_index is not None
-    }
-    page = Page(f"{plan.name}: {cell.name}", [*_lead(plan, findings, failing), _margins(maps)])
-    columns = tag_columns(plan, cell, maps, text)
-    add_scene(page, drawing)
+    columns = tag_columns(plan, drawing.cell, maps, text)
+    page = Page(f"{plan.name}: {drawing.cell.name}", lead(plan, maps, columns, findings))
     page.script = "program.js"
-    page.data |= {
+    page.data |= program_data(plan, drawing, maps, findings, text, columns)
+    motion_sections(page, columns, "Tags", spins=True)
+    if presets:
+        page.section("Stiffness against time", table(presets[0], presets[1:]), "half")
+    page.section("Time per operation", _operations(plan), "half")
+    page.section("Findings", _findings(findings), "half")
+    return page.render()
+
+
+def program_data(
+    plan: Plan,
+    drawing: Drawing,
+    maps: PlanMaps,
+    findings: Sequence[Finding],
+    text: ProgramText | None,
+    columns: list[TagColumn],
+) -> dict[str, Any]:
+    """Return what the scripts of a program's page show; arguments as ``program_page``."""
+    cell, failing = drawing.cell, _failing(findings)
+    return {
+        **scene_data(drawing),
         **_moves(plan, cell),
         **frame_data(cell, plan.tool_of_moves, plan.base_of_moves),
         **_tags(plan.toolpath, cell, maps, columns),
@@ -75,12 +88,15 @@ def program_page(
         "spin_map": None if maps.spins is None else _spin_map_data(maps.spins),
         "no_spin_map": maps.no_spins,
     }
-    motion_sections(page, columns, "Tags", spins=True)
-    if presets:
-        page.section("Stiffness against time", table(presets[0], presets[1:]), "half")
-    page.section("Time per operation", _operations(plan), "half")
-    page.section("Findings", _findings(findings), "half")
-    return page.render()
+
+
+def _failing(findings: Sequence[Finding]) -> dict[int, str]:
+    """Return what is wrong with each tag that fails."""
+    return {
+        int(i.tag_index): i.message
+        for i in findings
+        if i.severity is Severity.ERROR and i.tag_index is not None
+    }
 
 
 def motion_sections(page: Page, columns: list[TagColumn], rows: str, spins: bool = False) -> None:
@@ -98,16 +114,20 @@ def motion_sections(page: Page, columns: list[TagColumn], rows: str, spins: bool
     page.section("Joint speeds, mean of each motion", '<div id="speeds"></div>', "half")
 
 
-def _lead(plan: Plan, findings: Sequence[Finding], failing: dict[int, str]) -> list[str]:
-    tags, total = len(plan.toolpath), plan.cycle_time
+def lead(
+    plan: Plan, maps: PlanMaps, columns: Sequence[TagColumn], findings: Sequence[Finding]
+) -> list[str]:
+    """Return the sentences that a program's page leads with, the verdict first."""
+    tags, total, failing = len(plan.toolpath), plan.cycle_time, _failing(findings)
+    nearest = _nearest(maps, columns)
+    errors = [finding for finding in findings if finding.severity is Severity.ERROR]
     if failing:
         first = failing[min(failing)]
-        return [f"No complete program: {len(failing)} of {tags} tags fail.", f"First: {first}"]
-    errors = [finding for finding in findings if finding.severity is Severity.ERROR]
+        return [f"No program: {len(failing)} of {tags} tags fail.{nearest}", f"First: {first}"]
     if errors:
-        return [f"No program: {errors[0].message}."]
-    lines = [f"Careful: {text}." for text in headlines(findings)]
-    lines.append(f"{tags} tags, {len(plan)} controller points, about {time_span(total)}.")
+        return [f"No program: {errors[0].message}.{nearest}"]
+    lines = [f"Good: {tags} tags, {len(plan)} controller points, {time_span(total)}.{nearest}"]
+    lines += [f"Careful: {text}." for text in headlines(findings)]
     good = plan.stiffness[np.isfinite(plan.stiffness)]
     if len(good):
         mean, low = good.mean() / N_PER_MM, good.min() / N_PER_MM
@@ -117,14 +137,20 @@ def _lead(plan: Plan, findings: Sequence[Finding], failing: dict[int, str]) -> l
         lines.append(f"Stiffness mean {mean:.0f} N/mm{gain}, lowest {low:.0f} N/mm.")
     if plan.compensation_note:
         lines.append(plan.compensation_note)
+    counts = ", ".join(f"{count} {name}" for name, count in maps.grades.items())
+    lines.append(f"Margin to joint limits, straight wrist and solids: {counts}.")
     return lines
 
 
-def _margins(maps: PlanMaps) -> str:
-    counts = ", ".join(f"{count} {name}" for name, count in maps.grades.items())
-    near = maps.clearance[np.isfinite(maps.clearance)]
-    nearest = f" Smallest clearance {near.min() / MM:.1f} mm." if len(near) else ""
-    return f"Margin to joint limits, straight wrist and solids: {counts}.{nearest}"
+def _nearest(maps: PlanMaps, columns: Sequence[TagColumn]) -> str:
+    """Return the smallest clearance and margin in words, nothing where none is known."""
+    found = [
+        ("clearance", maps.clearance / MM, "mm"),
+        *(("margin to a joint limit", c.values, "deg") for c in columns if c.key == "margin"),
+    ]
+    known = [(name, values[np.isfinite(values)], unit) for name, values, unit in found]
+    words = [f"smallest {name} {v.min():.1f} {unit}" for name, v, unit in known if len(v)]
+    return f" {', '.join(words).capitalize()}." if words else ""
 
 
 def pose_data(poses: Mapping[int, FailingPose]) -> dict[str, Any]:
@@ -205,6 +231,11 @@ def _tags(path: ToolPath, cell: Cell, maps: PlanMaps, columns: list[TagColumn]) 
         "tag_positions": packed(points),
         "tag_axes": packed(axes_in_drawn_base(cell, maps.base, path.axes)),
         "tag_frames": frame_words(cell, maps.tool, maps.base),
+        "operations": [operation.name for operation in path.operations],
+        "operation": packed(path.operation, "int32"),
+        "tools": [f"tool {entry.number} {entry.name}".strip() for entry in cell.tools],
+        "tag_tool": packed(maps.tool, "int32"),
+        "grade": packed(maps.grade, "uint8"),
         **extent_of(points),
     }
 

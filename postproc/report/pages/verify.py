@@ -26,7 +26,6 @@ from postproc.report.parts import (
     Drawing,
     Page,
     TagColumn,
-    add_scene,
     axes_in_drawn_base,
     cam_lines,
     escape,
@@ -34,6 +33,7 @@ from postproc.report.parts import (
     in_drawn_base,
     packed,
     packed_text,
+    scene_data,
     table,
     unix_text,
 )
@@ -76,9 +76,9 @@ def verify_page(
         raise ValueError("a report without its run cannot be shown")
     columns = _columns(report.run, maps)
     page = Page(f"{report.program}: {drawing.cell.name}", _lead(report))
-    add_scene(page, drawing)
     page.script = "program.js"
     page.data |= {
+        **scene_data(drawing),
         "what": "motion",
         **_moves(report.run, drawing.cell),
         **_rows(report.run, drawing.cell, columns),

@@ -16,17 +16,18 @@ from postproc.report.parts.scene_data import (
     Drawing,
     Solid,
     T_world_base,
-    add_scene,
     axes_in_drawn_base,
     extent_of,
     in_drawn_base,
+    scene_data,
 )
-from postproc.report.parts.spin_map_picture import CLASS_WORDS, Picture, draw
+from postproc.report.parts.spin_map_picture import CLASS_COLOURS, CLASS_WORDS, Picture, draw
 from postproc.report.parts.svg import Series, bar_chart, line_chart, space_view
 from postproc.report.parts.tag_values import TagColumn, tag_columns
 from postproc.report.parts.texts import cam_lines, unix_text
 
 __all__ = [
+    "CLASS_COLOURS",
     "CLASS_WORDS",
     "Drawing",
     "Page",
@@ -38,7 +39,6 @@ __all__ = [
     "T_world_base",
     "TagColumn",
     "add_rows",
-    "add_scene",
     "axes_in_drawn_base",
     "bar_chart",
     "cam_lines",
@@ -52,6 +52,7 @@ __all__ = [
     "line_chart",
     "packed",
     "packed_text",
+    "scene_data",
     "space_view",
     "table",
     "tag_columns",

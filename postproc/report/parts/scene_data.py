@@ -10,7 +10,7 @@ from postproc.arrays import AnyIntArray, FloatArray, IntArray
 from postproc.cell import Cell
 from postproc.geometry import apply, inverse
 from postproc.records import dataclass
-from postproc.report.parts.page import Page, packed
+from postproc.report.parts.page import packed
 from postproc.units import DEG
 
 
@@ -44,10 +44,9 @@ class Drawing:
     solids: tuple[Solid, ...]
 
 
-def add_scene(page: Page, drawing: Drawing) -> None:
-    """Put the robot and the solids of a cell into a page."""
-    page.data["robot"] = robot_data(drawing)
-    page.data["bodies"] = body_data(drawing)
+def scene_data(drawing: Drawing) -> dict[str, Any]:
+    """Return the robot and the solids of a cell for the page's scripts."""
+    return {"robot": robot_data(drawing), "bodies": body_data(drawing)}
 
 
 def robot_data(drawing: Drawing) -> dict[str, Any]:
@@ -57,6 +56,8 @@ def robot_data(drawing: Drawing) -> dict[str, Any]:
         "link_frames": [[float(v) for v in frame.ravel()] for frame in drawing.link_frames],
         "joint_axes": [[float(v) for v in axis] for axis in drawing.joint_axes],
         "joint_points": [[float(v) for v in frame[:3, 3]] for frame in drawing.link_frames[1:]],
+        "tips": [[float(v) for v in tool.T_flange_tcp[:3, 3]] for tool in drawing.cell.tools],
+        "tool": drawing.cell.tool_index,
         "T_world_robroot": [float(v) for v in robot.T_world_robroot.ravel()],
         "T_world_base": [float(v) for v in T_world_base(drawing.cell).ravel()],
         # an arm whose limits nobody knows can still be looked at
