@@ -43,6 +43,7 @@ COMMANDS = {
     "predict": "Tool points that the model expects.",
     "fit-base": "The base of a part from measured datum points.",
     "stiffness": "Stiffness index over the rotation about the tool axis.",
+    "ui": "A workbench in the browser: see, pin, move, save.",
     "explain": "Cause and remedy of a finding code.",
     "robots": "The built-in robots and where each number is from.",
     "plugins": "Readers, emitters, effects, objectives: name, origin, version.",

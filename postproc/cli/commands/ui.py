@@ -1,0 +1,52 @@
+"""``postproc ui``: the pages, alive, on this machine only."""
+
+from __future__ import annotations
+
+import importlib.util
+import webbrowser
+from pathlib import Path
+
+import click
+
+from postproc.cli.common import Session, standard_options
+from postproc.errors import ExitCode, SourceRef, UsageError
+
+EPILOG = """\b
+Examples:
+  postproc ui cell.toml panel.csv
+  postproc ui cell.toml
+  postproc ui cell.toml panel.csv --port 8800 --no-browser
+"""
+_NEEDED = ("starlette", "uvicorn")
+
+
+@click.command(epilog=EPILOG)
+@click.argument("cell", metavar="CELL.toml")
+@click.argument("source", metavar="[INPUT]", required=False)
+@click.option("--port", type=click.IntRange(0, 65535), default=0, help="Default: a free one.")
+@click.option("--no-browser", is_flag=True, help="Only print the address.")
+@standard_options
+def command(session: Session, /, cell: str, source: str | None, port: int, no_browser: bool) -> int:
+    """Open a workbench: see a job, pin spins, move the part, save what CONVERT takes.
+
+    It listens at 127.0.0.1 only, behind a random token in the address; nothing leaves the
+    machine. Ctrl-C ends it.
+    """
+    if any(importlib.util.find_spec(name) is None for name in _NEEDED):
+        raise UsageError(
+            "UI001",
+            "the workbench is an extra that is not installed",
+            SourceRef("postproc"),
+            hint='pip install "postproc[ui]"',
+        )
+    from postproc.workbench import open_workbench
+
+    def tell(address: str) -> None:
+        session.document({"schema": "postproc.ui/1", "address": address})
+        session.show(f"workbench  {address}")
+        session.say("Ctrl-C ends it")
+        if not no_browser:
+            webbrowser.open(address)
+
+    open_workbench(Path(cell), Path(source) if source else None, port, tell)
+    return ExitCode.GOOD

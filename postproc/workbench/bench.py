@@ -1,0 +1,284 @@
+"""What all browsers look at: the files, the edits, and the newest plan made of them."""
+
+from __future__ import annotations
+
+import gzip
+import threading
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from postproc.cell import Cell
+from postproc.errors import DataError, PostprocError, SourceRef
+from postproc.files import write_files
+from postproc.geometry import kuka_from_transform, transform_from_kuka
+from postproc.jobs.convert import Conversion
+from postproc.planning import SpinMap, TagPoses
+from postproc.records import dataclass
+from postproc.report.pages.workbench import map_data, page_json, pose_answer, reach_data
+from postproc.units import DEG
+from postproc.workbench.edits import Edits, moved_file, pins_file
+from postproc.workbench.planner import Order, Planner
+
+_MOST_STEPS = 500
+"""Edits that can be undone."""
+_FULL_TURN = 360.0
+_FARTHEST = 1e5
+"""Largest coordinate of a frame [mm], as the cell file takes it."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Shown:
+    """A plan as browsers get it: its number, the conversion, the page's data, how tags stand."""
+
+    number: int
+    conversion: Conversion
+    page: bytes
+    poses: TagPoses
+
+
+class Bench:
+    """One cell, one input, and what is edited; safe to be used from many threads."""
+
+    def __init__(self, cell: Path, source: Path) -> None:
+        """Take the files; nothing is read before ``reload``."""
+        self.cell, self.source = cell, source
+        self._lock = threading.RLock()
+        self._asking = threading.Lock()
+        self._planner = Planner(self._told)
+        self._steps: list[Edits] = [Edits()]
+        self._at = 0
+        self._number = 0
+        self._shown: _Shown | None = None
+        self._map: tuple[int, SpinMap, bytes] | None = None
+        self._mapped: tuple[bytes, str] | None = None
+        self._key: tuple[bytes, str] | None = None
+        self._state: dict[str, Any] = {"busy": True, "progress": [0, 0, "read"]}
+
+    # ---- what is asked of the planner -----------------------------------------------------------
+
+    def reload(self) -> None:
+        """Read the files again and plan; edits stay."""
+        with self._lock:
+            self._planner.close()
+            self._mapped = None
+            self._plan()
+
+    def close(self) -> None:
+        """End the planner."""
+        self._planner.close()
+
+    @property
+    def edits(self) -> Edits:
+        """The edits as they are now."""
+        return self._steps[self._at]
+
+    def _plan(self) -> None:
+        """Ask for the plan of the edits as they are now."""
+        self._number += 1
+        self._state = {"busy": True, "progress": [0, 0, "read"]}
+        try:
+            raw = self.edits.cell_toml(self.cell)
+        except PostprocError as error:
+            self._state = {"busy": False, "error": str(error), "hint": error.hint or ""}
+            return
+        key = raw, str(moved_file(self.cell, self.edits))
+        pins = self.edits.pins_csv() if self.edits.pins else b""
+        self._planner.ask(
+            Order(self._number, str(self.source), *key, pins, map_too=self._mapped != key)
+        )
+        self._mapped = None if self._mapped != key else key
+        self._key = key
+
+    def _told(self, number: int, what: str, content: Any) -> None:  # noqa: ANN401 - of its kind
+        """Take what the planner tells of an order."""
+        with self._lock:
+            if number != self._number:
+                return
+            if what == "progress":
+                self._state["progress"] = list(content)
+            elif what == "plan":
+                conversion, page = content
+                packed = gzip.compress(page, compresslevel=1)
+                poses = TagPoses(conversion.plan, conversion.cell)
+                self._shown = _Shown(number, conversion, packed, poses)
+                self._state.pop("error", None)
+            elif what == "map":
+                self._map = (
+                    number,
+                    content,
+                    gzip.compress(page_json(map_data(content)), compresslevel=1),
+                )
+                still = not self._shown or not self._shown.conversion.cell.external_axes
+                self._mapped = self._key if still else None
+            elif what == "done":
+                self._state["busy"] = False
+            elif what == "failed":
+                self._state = {"busy": False, "error": content[0], "hint": content[1]}
+            elif self._state["busy"]:
+                text = "the planner has ended: out of memory, or ended by the system"
+                self._state = {"busy": False, "error": text, "hint": "reload starts it again"}
+
+    # ---- edits ----------------------------------------------------------------------------------
+
+    def pin(self, tag: int, spin_deg: float | None) -> None:
+        """Pin a tag of the plan to a spin [deg], or take its pin away.
+
+        Raises:
+            DataError: UI010 if there is no such tag, or the spin cannot be one.
+        """
+        with self._lock:
+            name = self._tag_name(tag)
+            if spin_deg is None:
+                if name not in self.edits.pins:
+                    raise self._wrong(f"tag {name} has no pin that was set here")
+            elif abs(spin_deg) > _FULL_TURN:
+                raise self._wrong(f"a spin of {spin_deg:g} deg, expected -360 to 360")
+            self._edit(self.edits.pinned(name, spin_deg))
+
+    def move(self, base: int, xyz_mm: Sequence[float], abc_deg: Sequence[float]) -> None:
+        """Put a base elsewhere.
+
+        Raises:
+            DataError: UI010 for numbers that no frame has, or a base that there is not.
+        """
+        with self._lock:
+            self._require_place(base, xyz_mm, abc_deg)
+            self._edit(self.edits.moved(base, xyz_mm, abc_deg))
+
+    def step(self, by: int) -> None:
+        """Undo (-1) or do again (+1) an edit; nothing where there is none."""
+        with self._lock:
+            if 0 <= self._at + by < len(self._steps):
+                self._at += by
+                self._plan()
+
+    def _edit(self, edits: Edits) -> None:
+        if edits == self.edits:
+            return
+        self._steps = [*self._steps[: self._at + 1], edits][-_MOST_STEPS:]
+        self._at = len(self._steps) - 1
+        self._plan()
+
+    def save(self) -> dict[str, Any]:
+        """Write the edits as files beside the cell, and say the call of ``convert`` they are for.
+
+        Raises:
+            ReadError: IO003 if a file cannot be written.
+            DataError: UI010 if nothing was edited.
+        """
+        with self._lock:
+            edits, cell = self.edits, moved_file(self.cell, self.edits)
+            raw = edits.cell_toml(self.cell)
+        files = {cell: raw} if edits.frames else {}
+        call = f"postproc convert {self.source} --cell {cell} -o out"
+        if edits.pins:
+            pins = pins_file(self.cell, self.source)
+            files[pins] = edits.pins_csv()
+            call += f" --pins {pins}"
+        if not files:
+            raise self._wrong("nothing was edited")
+        write_files(files)
+        return {"files": [str(path) for path in files], "call": call}
+
+    # ---- answers --------------------------------------------------------------------------------
+
+    def state(self) -> dict[str, Any]:
+        """Return what is going on, small enough to be asked several times a second."""
+        with self._lock:
+            shown = self._shown
+            return {
+                **self._state,
+                "number": self._number,
+                "plan": shown.number if shown else 0,
+                "map": self._map[0] if self._map else 0,
+                "pins": dict(self.edits.pins),
+                "undo": self._at,
+                "redo": len(self._steps) - 1 - self._at,
+                "bases": _bases(shown.conversion.cell) if shown else [],
+                "good": bool(shown and shown.conversion.good),
+            }
+
+    def page(self) -> bytes:
+        """Return the data of the plan, gzip of JSON; of nothing where there is no plan."""
+        with self._lock:
+            return self._shown.page if self._shown else gzip.compress(b"null")
+
+    def spins(self) -> bytes:
+        """Return the map over the spin, as ``page``."""
+        with self._lock:
+            return self._map[2] if self._map else gzip.compress(b"null")
+
+    def program(self) -> Mapping[str, bytes]:
+        """Return the program files of the plan that is shown."""
+        with self._lock:
+            return dict(self._shown.conversion.files) if self._shown else {}
+
+    def pose(self, tag: int, spin_deg: float) -> dict[str, Any]:
+        """Return how a tag would stand at a spin [deg].
+
+        Raises:
+            DataError: UI010 if there is no such tag.
+        """
+        with self._lock:
+            self._tag_name(tag)
+            shown = self._require_shown()
+        with self._asking:
+            found = shown.poses.at(tag, spin_deg * DEG)
+        if found is None:
+            raise self._wrong("no tool or base of the cell serves this tag")
+        return {"tag": tag, "spin_deg": spin_deg, **pose_answer(found)}
+
+    def reach(self, base: int, xyz_mm: Sequence[float], abc_deg: Sequence[float]) -> dict[str, Any]:
+        """Return how all tags would stand with a base elsewhere, without planning.
+
+        Raises:
+            DataError: UI010 for numbers that no frame has, or a base that there is not.
+        """
+        with self._lock:
+            conversion = self._require_place(base, xyz_mm, abc_deg)
+        bases = list(conversion.cell.bases)
+        T = transform_from_kuka(xyz_mm, abc_deg)
+        bases[base] = replace(bases[base], T_robroot_base=T)
+        cell = replace(conversion.cell, bases=tuple(bases))
+        with self._asking:
+            kind, stiffness = TagPoses(conversion.plan, cell).reach()
+        return reach_data(cell, kind, stiffness)
+
+    def _require_place(
+        self, base: int, xyz_mm: Sequence[float], abc_deg: Sequence[float]
+    ) -> Conversion:
+        """Return what is shown, if one of its bases can stand there."""
+        conversion = self._require_shown().conversion
+        if not 0 <= base < len(conversion.cell.bases):
+            raise self._wrong(f"no base {base} in the cell")
+        if max(map(abs, xyz_mm)) > _FARTHEST or max(map(abs, abc_deg)) > _FULL_TURN:
+            raise self._wrong("a frame beyond 100 m or 360 deg")
+        return conversion
+
+    def _require_shown(self) -> _Shown:
+        if self._shown is None:
+            raise self._wrong("there is no plan yet")
+        return self._shown
+
+    def _tag_name(self, tag: int) -> str:
+        path = self._require_shown().conversion.plan.toolpath
+        if not 0 <= tag < len(path):
+            raise self._wrong(f"no tag {tag}, expected 0 to {len(path) - 1}")
+        return path.tag_name(tag)
+
+    def _wrong(self, text: str) -> DataError:
+        return DataError("UI010", text, SourceRef(str(self.source)))
+
+
+def _bases(cell: Cell) -> list[dict[str, Any]]:
+    """Return the bases with their frames as the cell file has them."""
+    found = []
+    for base in cell.bases:
+        frame = [np.round(part, 6).tolist() for part in kuka_from_transform(base.T_robroot_base)]
+        entry = {"number": base.number, "name": base.name}
+        found.append({**entry, "xyz_mm": frame[0], "abc_deg": frame[1]})
+    return found

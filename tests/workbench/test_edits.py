@@ -1,0 +1,104 @@
+"""What is edited is what ``convert`` makes of the files saved, byte for byte."""
+
+import shutil
+import time
+
+import numpy as np
+import pytest
+
+from postproc.cli import app
+from postproc.jobs.convert import ConvertRequest, convert
+from postproc.workbench import Bench
+from tests.workbench.conftest import job
+
+
+@pytest.fixture
+def bench(tmp_path):
+    made = Bench(*job(tmp_path))
+    made.reload()
+    settled(made)
+    yield made
+    made.close()
+
+
+def settled(bench, seconds=120.0):
+    end = time.monotonic() + seconds
+    while (state := bench.state())["busy"]:
+        assert time.monotonic() < end, state
+        time.sleep(0.02)
+    return state
+
+
+def converted(call, folder):
+    """Run the call that saving names, and return its exit code and the files."""
+    arguments = call.split()[1:]
+    shutil.rmtree(folder / "out", ignore_errors=True)
+    arguments[arguments.index("-o") + 1] = str(folder / "out")
+    code = app.run([*arguments, "-q"])
+    files = {path.name: path.read_bytes() for path in (folder / "out").glob("*")}
+    return code, files
+
+
+def test_pins_and_places_are_what_convert_makes(bench, tmp_path):
+    start = dict(bench.program())
+    for edit, answer in (
+        (lambda: bench.pin(5, 60.0), "holes.pins.csv"),
+        (lambda: bench.move(0, [2046.0, 4.0, 1000.0], [-90.0, 0.0, 90.0]), "cell.moved.toml"),
+    ):
+        edit()
+        assert "error" not in settled(bench)
+        saved = bench.save()
+        assert any(name.endswith(answer) for name in saved["files"])
+        code, files = converted(saved["call"], tmp_path)
+        assert bench.state()["good"] == (code == 0)
+        assert files == bench.program()
+        assert files != start
+    for _ in range(2):
+        bench.step(-1)
+    settled(bench)
+    assert bench.program() == start
+    bench.step(1)
+    settled(bench)
+    assert bench.state()["pins"] == {bench_name(bench, 5): 60.0}
+
+
+def bench_name(bench, tag):
+    return bench.source.read_text().splitlines()[tag + 1].split(",")[0]
+
+
+def test_a_pose_looked_at_is_the_pose_planned(bench, tmp_path):
+    """The pose answered at once is that of the plan with the pin; class, joints, stiffness."""
+    verdicts = set()
+    for tag, spin in ((3, 40.0), (8, 75.0), (10, 0.0)):
+        seen = bench.pose(tag, spin)
+        pins = tmp_path / "pins.csv"
+        pins.write_text(f"tag,spin_deg\n{bench_name(bench, tag)},{spin:g}\n")
+        made = convert(ConvertRequest(str(bench.source), str(bench.cell), pins=str(pins)))
+        plan = made.plan
+        assert seen["free"] == made.good
+        verdicts.add(made.good)
+        if not made.good:
+            continue
+        assert seen["stiffness_N_per_mm"] == pytest.approx(plan.stiffness[tag] * 1e-3, rel=1e-3)
+        off = np.abs(plan.q[plan.tag == tag] - np.array(seen["q"])).max(axis=1).min()
+        assert off < np.radians(2.0)  # the stroke ends a few mm off the tag
+    assert verdicts == {True, False}
+
+
+def test_a_pose_that_cannot_be_says_why(bench):
+    kinds = {bench.pose(3, spin)["words"].split(":")[0] for spin in range(-180, 180, 20)}
+    assert {"free", "joint limit"} <= kinds
+    assert kinds <= {"free", "collision", "singularity", "joint limit", "out of reach"}
+
+
+def test_reach_of_a_moved_part_is_that_of_convert(bench, tmp_path):
+    there = {"base": 0, "abc_deg": [-90.0, 0.0, 90.0]}
+    assert bench.reach(xyz_mm=[2050.0, 0.0, 1000.0], **there)["words"] == "12 free"
+    far = bench.reach(xyz_mm=[5050.0, 0.0, 1000.0], **there)
+    assert far["words"] == "12 out of reach"
+    bench.move(xyz_mm=[5050.0, 0.0, 1000.0], **there)
+    state = settled(bench)
+    assert not state["good"]
+    assert bench.program() == {}
+    code, _ = converted(bench.save()["call"], tmp_path)
+    assert code == 1

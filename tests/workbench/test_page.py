@@ -1,0 +1,91 @@
+"""A real browser clicks, drags and moves; the program is that of ``convert``."""
+
+import pytest
+
+from postproc.cli import app
+
+READY = "window.ppBench && ppBench.state().mapped && !ppBench.state().busy"
+
+
+@pytest.fixture
+def page(browser, running):
+    running.settled()
+    browser.call("Page.navigate", url=running.address[0])
+    browser.wait(READY)
+    browser.requests.clear()
+    yield browser
+    assert browser.problems == []
+    own = running.address[0]
+    assert [url for url in browser.requests if not url.startswith((own, "data:", "blob:"))] == []
+
+
+def state(page):
+    return page.run("ppBench.state()")
+
+
+def replanned(page, number):
+    page.wait(f"!ppBench.state().busy && ppBench.state().plan > {number}", 120)
+    return state(page)
+
+
+def test_a_drag_pins_and_the_pins_make_the_program(page, running, tmp_path):
+    before = state(page)
+    x, y = page.run("ppBench.place(7, 0)")
+    _, to = page.run("ppBench.place(7, 60)")
+    page.mouse(("mousePressed", x, y), *(("mouseMoved", x, y + k * (to - y) / 8) for k in range(9)))
+    page.wait("document.querySelector('#pose').textContent.includes(' 60 deg')")
+    assert state(page)["shown"] == 7
+    assert "free" in page.run("document.querySelector('#pose').textContent")
+    page.mouse(("mouseReleased", x, to))
+    after = replanned(page, before["plan"])
+    assert list(after["pins"].values()) == [60]
+    column = "ppBench.program().data.columns.find((c) => c.key === 'spin').values[7]"
+    assert page.run(column) == pytest.approx(60.0)
+    # selecting in one selects in all
+    assert page.run("document.querySelector('#tags tr.selected').dataset.tag") == "7"
+    assert page.run("document.querySelector('#cam .here').textContent").startswith("9  ")
+    page.click("#save")
+    page.wait("document.querySelector('#saved').textContent.includes('convert')")
+    call = page.run("document.querySelector('#saved').textContent").split("; ")[1].split()[1:]
+    call[call.index("-o") + 1] = str(tmp_path)
+    assert app.run([*call, "-q"]) == 0
+    shown = page.run("[...document.querySelectorAll('#krl .here')].map((e) => e.textContent)")
+    text = (tmp_path / "holes.src").read_text().splitlines()
+    assert shown
+    for line in shown:
+        number, _, words = line.partition("  ")
+        assert text[int(number) - 1] == words
+    page.click("#undo")
+    assert replanned(page, after["plan"])["pins"] == {}
+
+
+def test_the_part_moves_by_numbers_and_all_tags_recolour(page, running):
+    x = "document.querySelector('input.place')"
+    page.run(f"({x}.value = 4050, {x}.dispatchEvent(new Event('input')), 1)")
+    page.wait("document.querySelector('#reach').textContent.includes('out of reach')")
+    assert state(page)["preview"]
+    assert state(page)["undo"] == 0
+    page.click("#back")
+    assert not state(page)["preview"]
+    before = state(page)
+    page.run(f"({x}.value = 2046, {x}.dispatchEvent(new Event('input')), 1)")
+    page.wait("document.querySelector('#reach').textContent.includes('12 free')")
+    page.click("#move")
+    after = replanned(page, before["plan"])
+    assert after["good"]
+    assert after["bases"][0]["xyz_mm"][0] == 2046
+    page.click("#undo")
+    replanned(page, after["plan"])
+
+
+def test_keys_turn_and_pin(page):
+    before = state(page)
+    page.run("(document.querySelector('#map').focus(), 1)")
+    for key in ("ArrowRight", "ArrowRight", "ArrowDown", "ArrowDown", "Enter"):
+        for kind in ("keyDown", "keyUp"):
+            page.call("Input.dispatchKeyEvent", type=kind, key=key)
+    after = replanned(page, before["plan"])
+    assert after["shown"] == 2
+    assert len(after["pins"]) == 1
+    page.click("#undo")
+    replanned(page, after["plan"])
