@@ -7,6 +7,7 @@ in a child of it, which is started anew when it had to be ended or has died.
 from __future__ import annotations
 
 import os
+import socket
 import subprocess
 import sys
 import threading
@@ -23,7 +24,9 @@ if TYPE_CHECKING:
 _OF_THREAD = threading.local()
 
 
-def run_in_child(job: Job, timeout: float | None, memory: float | None, version: str) -> JobResult:
+def run_in_child(
+    job: Job, timeout: float | None, memory: float | None, version: str, folder: str
+) -> JobResult:
     """Run a job in this thread's child process.
 
     Args:
@@ -31,13 +34,17 @@ def run_in_child(job: Job, timeout: float | None, memory: float | None, version:
         timeout: seconds, None = no limit.
         memory: GiB of address space, None = no limit.
         version: of the postproc that asks; another one here would make other programs.
+        folder: from which the names of files count: that of the call, not of the worker.
     """
     if version != __version__:
         line = f"{job.request.source}:1: error BAT033: the cluster has postproc {__version__}, "
         return JobResult(job.key, "error", errors=(f"{line}expected {version}",))
+    if not os.path.isdir(folder):  # noqa: PTH112 - as text
+        line = f"{job.request.source}:1: error BAT034: the worker {socket.gethostname()} has no"
+        return JobResult(job.key, "crash", errors=(f"{line} folder {folder}",))
     child: Child | None = getattr(_OF_THREAD, "child", None)
-    if child is None or child.memory != memory or not child.is_alive():
-        child = _OF_THREAD.child = Child(memory)
+    if child is None or child.made_for != (memory, folder) or not child.is_alive():
+        child = _OF_THREAD.child = Child(memory, folder)
     return child.run(job, timeout)
 
 
@@ -46,10 +53,11 @@ class Child:
 
     Args:
         memory: GiB of address space, None = no limit.
+        folder: in which it runs, None = that of this process.
     """
 
-    def __init__(self, memory: float | None) -> None:
-        self.memory = memory
+    def __init__(self, memory: float | None, folder: str | None = None) -> None:
+        self.made_for = (memory, folder)
         self._pipe, theirs = Pipe()
         command = [sys.executable, "-m", "postproc.batch.child", str(theirs.fileno())]
         threads = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
@@ -57,6 +65,7 @@ class Child:
             [*command, *([str(memory)] if memory else [])],
             pass_fds=[theirs.fileno()],
             stdin=subprocess.DEVNULL,
+            cwd=folder,
             env={**os.environ, **threads},
         )
         theirs.close()

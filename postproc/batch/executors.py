@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
+import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +22,8 @@ _AHEAD = 3
 """Jobs per worker under way: keeps all busy; more would only fill memory."""
 _NO_WORKERS = 60.0
 """Time [s] without any worker after which a cluster counts as gone."""
+_NO_ANSWER = 12.0
+"""Time [s] without an answer of the scheduler after which it counts as gone."""
 
 
 def run_local(
@@ -93,16 +97,35 @@ def run_dask(
         raise PluginError(
             "BAT030", "--dask needs the extra postproc[cluster]", SourceRef("postproc")
         ) from None
+
+    def connected() -> Any:  # noqa: ANN401 - distributed has no types
+        limit = f"{_NO_ANSWER:g}s"
+        return Client(address, timeout=limit, set_as_default=False)  # type: ignore[no-untyped-call]
+
+    client = _in_time(connected)
+    if isinstance(client, Exception):
+        what = f": {client}" if str(client) else f" within {_NO_ANSWER:g} s"
+        raise DataError("BAT031", f"no Dask scheduler answers{what}", SourceRef(address))
     try:
-        client = Client(  # type: ignore[no-untyped-call]
-            address, timeout="10s", set_as_default=False
-        )
-    except (OSError, ValueError) as problem:
-        raise DataError(
-            "BAT031", f"no Dask scheduler answers: {problem}", SourceRef(address)
-        ) from None
-    with client:
         yield from _on_cluster(client, jobs, timeout, memory)
+    finally:
+        _in_time(client.close)
+
+
+def _in_time(call: Callable[[], Any]) -> Any:  # noqa: ANN401 - distributed has no types
+    """Return what a call to the cluster returns or raises; one that never ends is left behind."""
+    found: list[Any] = []
+
+    def work() -> None:
+        try:
+            found.append(call())
+        except Exception as problem:  # noqa: BLE001 - a lost scheduler shows in many ways
+            found.append(problem)
+
+    thread = threading.Thread(target=work, daemon=True)
+    thread.start()
+    thread.join(_NO_ANSWER)
+    return found[0] if found else TimeoutError()
 
 
 def _on_cluster(
@@ -112,47 +135,51 @@ def _on_cluster(
     memory: float | None,
 ) -> Iterator[JobResult]:
     """Keep some jobs per thread of the cluster under way until all are done or it is gone."""
-    from distributed import wait as wait_for
-
     waiting: dict[Any, Job] = {}
     queue = iter(enumerate(jobs))
     seen = time.monotonic()
-    while True:
-        threads = _threads(client)
+    why = ""
+    while not why:
+        threads = _in_time(lambda: sum(client.nthreads().values()))
+        if isinstance(threads, Exception):
+            why = "the scheduler answers no more"
+            break
         seen = time.monotonic() if threads else seen
         if time.monotonic() - seen > _NO_WORKERS:
-            yield from (_lost(job) for job in [*waiting.values(), *(job for _, job in queue)])
-            return
+            why = "no worker is left on the cluster"
+            break
         while len(waiting) < _AHEAD * max(threads, 1):
             number, job = next(queue, (0, None))
             if job is None:
                 break
+            arguments = (job, timeout, memory, __version__, os.getcwd())  # noqa: PTH109 - as text
             key = f"postproc-{number}-{job.key}"
-            arguments = (job, timeout, memory, __version__)
             future = client.submit(run_in_child, *arguments, key=key, pure=False, retries=3)
             waiting[future] = job
         if not waiting:
             return
-        try:
-            with client.as_current():
-                some = wait_for(  # type: ignore[no-untyped-call]
-                    list(waiting), timeout=5, return_when="FIRST_COMPLETED"
-                )
-        except TimeoutError:
-            continue
-        for future in some.done:
+        for future in _finished(client, list(waiting)):
+            result = _in_time(future.result) if future.status == "finished" else None
+            if future.status == "cancelled":  # by a scheduler that is gone, not by the job
+                continue
             job = waiting.pop(future)
-            yield future.result() if future.status == "finished" else died(job)
-            future.release()
+            yield result if isinstance(result, JobResult) else died(job)
+            _in_time(future.release)
+    yield from (_lost(job, why) for job in [*waiting.values(), *(job for _, job in queue)])
 
 
-def _threads(client: Any) -> int:  # noqa: ANN401 - distributed has no types
-    try:
-        return sum(client.nthreads().values())
-    except (OSError, TimeoutError):
-        return 0
+def _finished(client: Any, futures: list[Any]) -> list[Any]:  # noqa: ANN401 - as above
+    """Return those of the futures that have come to an end, waiting a little for the first."""
+    from distributed import wait as wait_for
+
+    def wait() -> Any:  # noqa: ANN401 - as above
+        with client.as_current():
+            return wait_for(futures, timeout=5, return_when="FIRST_COMPLETED").done  # type: ignore[no-untyped-call]
+
+    found = _in_time(wait)
+    return [] if isinstance(found, Exception) else list(found)
 
 
-def _lost(job: Job) -> JobResult:
-    line = f"{job.request.source}:1: error BAT032: no worker is left on the cluster"
+def _lost(job: Job, why: str) -> JobResult:
+    line = f"{job.request.source}:1: error BAT032: {why}"
     return JobResult(job.key, "crash", errors=(line,))

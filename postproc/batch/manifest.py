@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import re
 from collections.abc import Mapping
 from dataclasses import field
 from pathlib import Path
@@ -24,6 +25,8 @@ from postproc.records import dataclass
 SCHEMA = "postproc.manifest/1"
 NAME = "manifest.json"
 JOURNAL = ".postproc-journal"
+_OF_THE_RUN = re.compile(r"error (BAT\d+|IO00\d):")
+"""Errors of what was around an input, not of the input."""
 _KEYS = {"status", "program", "tags", "cycle_time_s", "files", "errors", "fingerprint"}
 
 
@@ -72,9 +75,9 @@ class Manifest:
         return {key: entry["program"] for key, entry in self.entries.items() if entry["files"]}
 
     def is_current(self, key: str, marks: Mapping[str, str]) -> bool:
-        """Return whether a job's last result is good, made from the same, and still in place."""
+        """Return whether a job would end as it did: made from the same, and still in place."""
         entry = self.entries.get(key)
-        if entry is None or entry["status"] != "ok" or entry["fingerprint"] != dict(marks):
+        if entry is None or not _is_final(entry) or entry["fingerprint"] != dict(marks):
             return False
         if UNREADABLE in marks.values():
             return False
@@ -120,6 +123,17 @@ class Manifest:
         document = {"schema": SCHEMA, "entries": self.entries}
         # a file name may hold bytes that are no text: only ASCII can say so
         return (json.dumps(document, indent=1, sort_keys=True) + "\n").encode()
+
+
+def _is_final(entry: Mapping[str, Any]) -> bool:
+    """Return whether a result follows from input and options alone.
+
+    A worker that died, a limit, a name that another input had first and a file that could not be
+    written do not.
+    """
+    if entry["status"] not in ("ok", "failed", "error"):
+        return False
+    return not any(_OF_THE_RUN.search(line) for line in entry["errors"])
 
 
 def _hash(path: Path) -> str:

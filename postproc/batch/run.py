@@ -64,6 +64,18 @@ class BatchOutcome:
         return [key for key in self.keys if entries[key]["status"] != "ok"]
 
     @property
+    def converted(self) -> list[str]:
+        """Keys whose program was made anew and is good."""
+        bad = set(self.bad)
+        return [key for key in self.done if key not in bad]
+
+    @property
+    def unchanged(self) -> list[str]:
+        """Keys whose good program stays: neither input nor options have changed."""
+        bad = set(self.bad)
+        return [key for key in self.kept if key not in bad]
+
+    @property
     def good(self) -> bool:
         """Whether every input of this batch has a good program, and the manifest says so."""
         return not self.bad and not self.unsaved
@@ -86,7 +98,9 @@ class BatchOutcome:
             "schema": "postproc.batch_result/1",
             "inputs": len(self.keys),
             "done": len(self.done),
-            "kept": len(self.kept),
+            "converted": len(self.converted),
+            "kept": len(self.unchanged),
+            "not_retried": len(self.kept) - len(self.unchanged),
             "failed": self.bad,
             "vanished": self.vanished,
             "pruned": self.pruned,

@@ -76,6 +76,10 @@ class Session:
         if not self.quiet:
             click.echo(text, err=True)
 
+    def error(self, text: str) -> None:
+        """Print an error on stderr, also with ``--quiet``."""
+        click.echo(text, err=True)
+
     def show(self, text: str) -> None:
         """Print a result for a person on stdout, unless ``--json`` or ``--quiet``."""
         if not (self.json or self.quiet):

@@ -2,6 +2,8 @@
 
 import io
 import os
+import socket
+import subprocess
 import sys
 import time
 
@@ -14,6 +16,7 @@ from postproc.batch.jobs import Job
 from postproc.batch.worker import JobResult, attempt, run_job
 from postproc.cli.common import Session
 from postproc.cli.ticker import EVERY, Lines, speed, ticker
+from postproc.errors import DataError
 from postproc.jobs.convert import ConvertRequest
 
 
@@ -60,22 +63,66 @@ def test_a_child_that_hangs_is_ended_and_one_that_died_is_no_loss():
     assert not child.is_alive()
 
 
-def test_a_child_is_used_again_and_replaced_when_it_is_gone():
-    first = run_in_child(_job("missing"), 60.0, None, child_module.__version__)
+def test_a_child_is_used_again_and_replaced_when_it_is_gone(tmp_path):
+    call = (_job("missing"), 60.0, None, child_module.__version__, str(tmp_path))
+    first = run_in_child(*call)
     assert first.status == "error"
     assert "IO001" in first.errors[0]
     child = child_module._OF_THREAD.child
-    assert run_in_child(_job("missing"), 60.0, None, child_module.__version__) == first
+    assert run_in_child(*call) == first
     assert child_module._OF_THREAD.child is child
     child.end()
-    assert run_in_child(_job("missing"), 60.0, None, child_module.__version__) == first
+    assert run_in_child(*call) == first
     child_module._OF_THREAD.child.end()
 
 
 def test_a_cluster_with_another_version_makes_nothing():
-    result = run_in_child(_job("a"), None, None, "0.0.other")
+    result = run_in_child(_job("a"), None, None, "0.0.other", ".")
     assert result.status == "error"
     assert "BAT033" in result.errors[0]
+
+
+def test_names_count_from_the_folder_of_the_call(tmp_path):
+    (tmp_path / "here.csv").write_text("no points\n", encoding="utf-8")
+    (tmp_path / "cell.toml").write_text("nothing = 1\n", encoding="utf-8")
+    result = run_in_child(_job("here"), 60.0, None, child_module.__version__, str(tmp_path))
+    assert "cell.toml:1: error CEL" in result.errors[0]
+    child_module._OF_THREAD.child.end()
+    gone = run_in_child(_job("here"), 60.0, None, child_module.__version__, str(tmp_path / "no"))
+    assert "BAT034" in gone.errors[0]
+
+
+def test_a_scheduler_that_accepts_and_is_silent_is_given_up():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
+        start = time.monotonic()
+        with pytest.raises(DataError, match="BAT031"):
+            list(executors.run_dask([_job("a")], address))
+        assert time.monotonic() - start < 20.0
+
+
+def test_a_scheduler_that_dies_in_mid_run_costs_what_was_open():
+    script = "from distributed import LocalCluster as C; import time; " + (
+        "c = C(n_workers=1, threads_per_worker=1, processes=False, "
+        "protocol='tcp://', dashboard_address=None); "
+        "print(c.scheduler_address, flush=True); time.sleep(60)"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", f"if __name__ == '__main__':\n {script}"],
+        stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+    ) as cluster:  # fmt: skip
+        jobs = [_job(f"missing{k}") for k in range(200)]
+        found = executors.run_dask(jobs, cluster.stdout.readline().strip())
+        results = [next(found)]
+        cluster.kill()
+        start = time.monotonic()
+        results += found
+        assert time.monotonic() - start < 20.0
+    assert {result.key for result in results} == {job.key for job in jobs}
+    assert {line.split("error ")[1].split(":")[0] for r in results for line in r.errors} <= {
+        "IO001", "BAT022", "BAT032",
+    }  # fmt: skip
+    assert "BAT032" in results[-1].errors[0]
 
 
 def test_a_fault_of_ours_is_a_result_too(monkeypatch):

@@ -45,10 +45,25 @@ def test_the_journal_of_a_killed_run_counts_but_not_its_torn_last_line(tmp_path)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["A.src", NAME]
 
 
-def test_a_failed_result_is_never_current(tmp_path):
+@pytest.mark.parametrize(
+    ("status", "error", "is_settled"),
+    [
+        ("failed", "a.cls:9: error PLN101: out of reach", True),
+        ("error", "a.cls:1: error IO010: no format", True),
+        ("error", "cell.toml:1: error CEL001: no such key", True),
+        ("error", "out/A.src:1: error IO003: disk full", False),
+        ("error", "a.cls:1: error BAT013: its name is taken", False),
+        ("error", "a.cls:1: error BAT033: another version", False),
+        ("crash", "a.cls:1: error BAT022: the worker died", False),
+        ("timeout", "a.cls:1: error BAT021: not done", False),
+        ("memory", "a.cls:1: error BAT020: too much", False),
+    ],
+)
+def test_a_bad_result_stays_where_it_follows_from_the_input(tmp_path, status, error, is_settled):
     manifest = Manifest.load(tmp_path)
-    manifest.record(JobResult("a.cls", "failed", errors=("a.cls:1: error X: y",)), MARKS, {})
-    assert not manifest.is_current("a.cls", MARKS)
+    manifest.record(JobResult("a.cls", status, errors=(error,)), MARKS, {})
+    assert manifest.is_current("a.cls", MARKS) == is_settled
+    assert not manifest.is_current("a.cls", {**MARKS, "input": "2"})
 
 
 def test_a_run_after_a_killed_one_begins_with_a_whole_journal(tmp_path):

@@ -27,11 +27,14 @@ def test_one_bad_input_never_stops_the_others(batch, work):
     assert str(work) not in (work / "out" / "manifest.json").read_text()
 
 
-def test_only_what_changed_or_failed_is_redone(batch, work, snapshot):
+def test_only_what_changed_is_redone(batch, work, snapshot):
     batch()
     before = snapshot("out")
-    again = batch().document
-    assert (again["done"], again["kept"]) == (1, 2)
+    second = batch()
+    again = second.document
+    assert (again["done"], again["kept"], again["not_retried"]) == (0, 2, 1)
+    assert (again["failed"], second.code) == (["parts/far.csv"], 1)
+    assert "parts/far.csv:2: error PLN101" in second.err
     assert snapshot("out") == before
     (work / "parts" / "b.csv").write_text(HEADER + row(40))
     assert batch().document["kept"] == 1
@@ -295,3 +298,18 @@ def test_sections_of_a_file_that_names_its_tool_serve_the_file(work, batch, capf
     words = ["verify", "out/part.src", "--cell", "cell.toml", "--against", "part.cls"]
     assert run_cli(words) == 0
     assert "PP_TOOL_CHANGE is called" in "".join(capfd.readouterr())
+
+
+def test_quiet_names_failing_inputs_and_counts_are_words(work, capfd):
+    assert run_cli(["batch", "parts", "--cell", "cell.toml", "-o", "out", "-q"]) == 1
+    told = capfd.readouterr()
+    assert told.out == ""
+    assert "parts/far.csv:2: error PLN101" in told.err
+    call = ["batch", "parts", "--cell", "cell.toml", "-o", "out"]
+    (work / "parts" / "b.csv").write_text(HEADER + row(40))
+    run_cli(call)
+    said = capfd.readouterr().out.splitlines()[0]
+    assert said == (
+        "converted 1 of 3, failed 1 (1 not tried again: nothing has changed; --force tries), "
+        "unchanged 1"
+    )

@@ -62,9 +62,9 @@ Examples:
 def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
     """Convert many inputs: files, folders, globs, or @LIST, a file with one of these a line.
 
-    DIR/manifest.json holds what was made from what; a second run redoes only what changed or
-    failed. One bad input never stops the others. With --check nothing is written and the exit
-    code is 1 when a program in DIR is not what would be made now.
+    DIR/manifest.json holds what was made from what; a second run redoes only what changed, or what
+    a limit or a lost worker has stopped. One bad input never stops the others. With --check nothing
+    is written and the exit code is 1 when a program in DIR is not what would be made now.
     """
     from postproc.batch import BatchOptions, call_of
     from postproc.jobs.convert import ConvertRequest
@@ -113,20 +113,23 @@ def _run(
         write_files({Path(junit): junit_xml(document["entries"])})
     for key in outcome.bad:
         for line in document["entries"][key]["errors"][:3]:
-            session.say(line)
+            session.error(line)
     for line in outcome.warnings():
         session.say(line)
     if outcome.unsaved:
-        session.say(outcome.unsaved)
+        session.error(outcome.unsaved)
     session.document(document)
     _summary(session, outcome)
     return answer(outcome.good)
 
 
 def _summary(session: Session, outcome: BatchOutcome) -> None:
+    count = len(outcome.keys)
+    again = len(outcome.kept) - len(outcome.unchanged)
+    remark = f" ({again} not tried again: nothing has changed; --force tries)" if again else ""
     session.show(
-        f"{len(outcome.keys)} programs: {len(outcome.done)} done, {len(outcome.kept)} unchanged, "
-        f"{len(outcome.bad)} failed"
+        f"converted {len(outcome.converted)} of {count}, failed {len(outcome.bad)}{remark}, "
+        f"unchanged {len(outcome.unchanged)}"
     )
     if outcome.removed:
         session.show(f"{len(outcome.removed)} files of former programs removed")
@@ -152,8 +155,8 @@ def _check(
     session.document(checked.document())
     for key in checked.bad:
         for line in checked.entries[key]["errors"]:
-            session.say(line)
+            session.error(line)
     for name, report in checked.reports.items():
         session.show(f"{name}:\n{report.summary()}")
-    session.show(f"{len(checked.entries)} programs checked, {len(checked.bad)} differ or fail")
+    session.show(f"checked {len(checked.entries)}, differ or fail {len(checked.bad)}")
     return answer(not checked.bad)
