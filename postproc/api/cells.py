@@ -217,12 +217,15 @@ def new_cell(path: Source = "cell.toml", **options: Any) -> CellDraft:  # noqa: 
     return draft_cell(given, target, {})
 
 
-def check(cell: Cell | Source, *, backup: Source | None = None) -> CellCheck:
+def check(
+    cell: Cell | Source, *, backup: Source | None = None, templates: bool = False
+) -> CellCheck:
     """Return what a cell is and what is wrong with it.
 
     Args:
         cell: a cell of ``load_cell``, or a file.
         backup: of the controller to compare with: ZIP or folder.
+        templates: test the cell's own templates without a part.
 
     Returns:
         ``good``, ``findings``, ``document``, ``report(file)``.
@@ -231,7 +234,7 @@ def check(cell: Cell | Source, *, backup: Source | None = None) -> CellCheck:
         CellError: if the cell cannot be loaded or a mesh is broken.
         ReadError: if the backup cannot be used.
     """
-    return checked(cell_of(cell), None if backup is None else str(backup))
+    return checked(cell_of(cell), None if backup is None else str(backup), templates)
 
 
 def robots(

@@ -93,14 +93,23 @@ class CellCheck(Paged):
         return page_of_cell(self)
 
 
-def checked(cell: Cell, backup: str | None = None) -> CellCheck:
-    """Return what a loaded cell is and what is wrong with it, also against a controller.
+def checked(cell: Cell, backup: str | None = None, templates: bool = False) -> CellCheck:
+    """Return what a loaded cell is and what is wrong with it.
+
+    Args:
+        cell: what was loaded.
+        backup: of the controller to compare with.
+        templates: test the cell's own templates too.
 
     Raises:
         CellError: if a mesh file is broken or the robot's geometry cannot be used.
         ReadError: BAK001 to BAK007 if the backup cannot be used.
     """
     found = check_cell(cell)
+    if templates:
+        from postproc.jobs.check_templates import template_findings
+
+        found = CellCheck(cell, found.facts, [*found.findings, *template_findings(cell)])
     if backup is None:
         return found
     from postproc.jobs.controller_backup import compare_backup

@@ -6,6 +6,7 @@ from typing import Any
 
 from postproc.codes import Entry, find, nearest
 from postproc.errors import UsageError
+from postproc.jobs.measures import entry_of
 
 
 def explained(code: str) -> Entry:
@@ -15,7 +16,7 @@ def explained(code: str) -> Entry:
         UsageError: CLI014 if nothing has this name.
     """
     code = code.strip()
-    entry = find(code.upper()) or find(code.lower()) or _effect(code.lower())
+    entry = find(code.upper()) or find(code.lower()) or entry_of(code) or _effect(code.lower())
     if entry is None:
         near = ", ".join(nearest(code.upper()))
         raise UsageError(

@@ -141,3 +141,10 @@ def test_the_same_names_whatever_the_hash_seed():
         for seed in ("0", "1", "4242")
     }
     assert len(outputs) == 1
+
+
+def test_cyrillic_names_keep_their_sound():
+    """By the passport transliteration, so that names that differ stay different to a reader."""
+    names = {"Панель 12": "Panel_12", "Отверстие": "Otverstie", "ЩИТ": "ShchIT", "Łódź": "Lodz"}
+    assert {text: legal_name(text) for text in names} == names
+    assert legal_name("Нервюра") != legal_name("Лонжерон")

@@ -23,8 +23,11 @@ Examples:
 @click.option(
     "--backup", metavar="ARCHIVE", help="Backup of the controller to compare with: ZIP or folder."
 )
+@click.option("--templates", is_flag=True, help="Test the cell's own templates without a part.")
 @standard_options
-def command(session: Session, /, cell: str, report: str | None, backup: str | None) -> int:
+def command(
+    session: Session, /, cell: str, report: str | None, backup: str | None, templates: bool
+) -> int:
     """Load a cell, say what it is and what is wrong with it.
 
     Errors make the exit code 1: home in collision, a tool heavier than the payload, an objective
@@ -34,7 +37,7 @@ def command(session: Session, /, cell: str, report: str | None, backup: str | No
     from postproc.cell import load_cell
     from postproc.jobs.check_cell import checked
 
-    found = checked(load_cell(cell), backup)
+    found = checked(load_cell(cell), backup, templates)
     if report:
         found.report(report)
     session.document(found.document)

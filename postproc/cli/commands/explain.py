@@ -28,7 +28,7 @@ _WIDTH = 88
 def command(session: Session, /, code: str | None) -> int:
     """Say what a finding CODE means and what to do about it; without CODE list all codes.
 
-    CODE may also be an effect of a diagnosis.
+    CODE may also be a kind of violation or a measure of verify, or an effect of a diagnosis.
     """
     if code is None:
         listed = [entry for group in groups() for entry in group.entries]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -17,7 +18,8 @@ from postproc.cli.common import (
 from postproc.errors import headlines
 
 if TYPE_CHECKING:
-    from postproc.verification import VerifyReport
+    from postproc.cell import Cell
+    from postproc.verification import Tolerances, VerifyReport
 
 EPILOG = """\b
 Examples:
@@ -78,6 +80,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     if model is not None:
         for name, missing in uncounted(cell, model).items():
             session.say(f"{name} is not counted: a program does not know {', '.join(missing)}")
+    tolerances = Tolerances(options["tol_mm"] * MM, options["tol_deg"] * DEG)
     toolpath = None
     if options["against"]:
         toolpath = read_cam(options["against"], options, cell)
@@ -86,7 +89,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
             options["program"],
             cell,
             toolpath,
-            Tolerances(options["tol_mm"] * MM, options["tol_deg"] * DEG),
+            tolerances,
             not options["no_collisions"],
             progress,
             model,
@@ -99,7 +102,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
 
         write_files({Path(options["report"]): page_of_verification(report, cell, toolpath)})
     session.document(report.to_dict())
-    _show(session, report)
+    _show(session, report, _measured(report, cell, tolerances))
     return answer(report.ok)
 
 
@@ -107,15 +110,25 @@ _UNKNOWN = 20
 """So many motions that are not known are listed one by one."""
 
 
-def _show(session: Session, report: VerifyReport) -> None:
+def _measured(report: VerifyReport, cell: Cell, tolerances: Tolerances) -> list[tuple[str, ...]]:
+    """Return a row for each measure: its worst value, what is allowed, and where it is."""
+    from postproc.jobs.measures import measure_named
+
+    rows: list[tuple[str, ...]] = []
+    for name, worst in sorted(report.worst.items()):
+        known = measure_named(name)
+        allowed = known.allowed(cell, tolerances) if known else "-"
+        where = f"{worst.file}:{worst.line}" + (f" ({worst.detail})" if worst.detail else "")
+        rows.append((name, f"{worst.value:.4f}", allowed, worst.unit, where))
+    return rows
+
+
+def _show(session: Session, report: VerifyReport, measured: Sequence[Sequence[str]]) -> None:
     from postproc.units import MM
 
     for finding in (*report.violations, *report.warnings):
         session.show(str(finding))
-    for name, worst in sorted(report.worst.items()):
-        detail = f" ({worst.detail})" if worst.detail else ""
-        value = f"{worst.value:12.4f} {worst.unit:4s}"
-        session.show(f"worst {name:18s} {value} {worst.file}:{worst.line}{detail}")
+    session.table(("measure", "worst", "allowed", "unit", "where"), measured)
     if report.expectation is not None:
         both = report.expectation
         session.show(

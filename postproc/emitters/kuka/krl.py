@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -11,7 +13,8 @@ from postproc.cell import Cell
 from postproc.controller import MotionType, Trace
 from postproc.emitters.base import EMITTERS, Against, Emitter, Program, ReadBack
 from postproc.emitters.kuka.emitter import emit, render_files
-from postproc.errors import Finding, RunKind, Severity
+from postproc.emitters.kuka.template import TemplateSet
+from postproc.errors import Finding, RunKind, Severity, SourceRef
 from postproc.geometry import inverse
 from postproc.kinematics import Kinematics, build
 from postproc.krl import Call, KrlModule, NameAllocator, Routine, lint, parse_files
@@ -47,7 +50,9 @@ class KukaKrl(Emitter):
         )
         noticed = [i for i in lint(modules) if i.severity is not Severity.NOTE]
         warned = (item for item in report.warnings if not item.headline)  # the job says these
-        findings = (*noticed, *warned, *_violations(report, against.displacement))
+        templates = TemplateSet(cell.krl.template, SourceRef(cell.path))
+        judged = _violations(report, against.displacement)
+        findings = (*noticed, *warned, *_blamed(judged, program, templates, cell.krl.hooks))
         return _read_back(report, findings)
 
     def paths(self, plan: Plan, cell: Cell, kinematics: Kinematics) -> Paths:
@@ -80,7 +85,7 @@ def _violations(report: VerifyReport, displacement: Displacement | None) -> Iter
             yield Finding(
                 Severity.ERROR,
                 "CNV002",
-                f"the program text fails its check: {violation.code}: {violation.message}",
+                f"{_FAILS}{violation.code}: {violation.message}",
                 source=violation.source,
                 hint="this is a fault of postproc, not of the input; please report it",
             )
@@ -92,6 +97,52 @@ def _violations(report: VerifyReport, displacement: Displacement | None) -> Iter
             source=left[0].source,
             hint="lower the feed, or see verify --model for all of them",
         )
+
+
+def _blamed(
+    findings: Iterable[Finding],
+    program: Program,
+    templates: TemplateSet,
+    hooks: Mapping[str, str],
+) -> Iterator[Finding]:
+    """Yield findings; those on lines of the cell's own templates as faults of these."""
+    if templates.own is None:
+        yield from findings
+        return
+    texts = {name: _lines(content) for name, content in program.files.items()}
+    for finding in findings:
+        if finding.code != "CNV002":
+            yield finding
+            continue
+        source = finding.source
+        rows = texts.get(Path(source.path).name, []) if source else []
+        row = rows[source.line - 1] if source and 0 < source.line <= len(rows) else ""
+        origin = templates.origin(row) if row.strip() else None
+        fault = finding.message.removeprefix(_FAILS)
+        silent = [k for k, name in hooks.items() if f" calls of {name}," in fault]
+        file = templates.own / f"{silent[0]}.j2" if silent else None
+        if file is not None and file.is_file():
+            text = f"the template of {silent[0]} does not call {hooks[silent[0]]}: {fault}"
+            hint = f"name the routine that it calls: [krl.hooks] {silent[0]} = ..."
+            yield Finding(Severity.ERROR, "EMT336", text, source=SourceRef(str(file)), hint=hint)
+        elif origin is None:
+            hint = f"the templates of {templates.own} replace built-in ones: {_KEYS}"
+            yield replace(finding, hint=hint)
+        else:
+            text = f"the template gives {row.strip()[:60]!r}: {fault}"
+            yield Finding(Severity.ERROR, "EMT336", text, source=origin, hint=_KEYS)
+
+
+_FAILS = "the program text fails its check: "
+_KEYS = (
+    "[krl.hooks] names the routine that an event calls, [verify] accept what is known to be "
+    "harmless; postproc check CELL --templates tests them without a part"
+)
+
+
+def _lines(content: bytes) -> list[str]:
+    """Return the lines of a program file."""
+    return content.decode("ascii", "replace").splitlines()
 
 
 def _read_back(report: VerifyReport, findings: tuple[Finding, ...]) -> ReadBack:

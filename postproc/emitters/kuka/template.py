@@ -8,6 +8,7 @@ the escaped text.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property, lru_cache
@@ -38,6 +39,8 @@ LINES_AT_MOST = 10_000
 """Most lines a template may give."""
 _FILTERS = ("abs", "default", "d", "float", "int", "length", "round")
 _MARK = "@{}@"
+_VALUE = re.compile(r"\{\{.*?\}\}|\{%.*?%\}|\{#.*?#\}")
+"""What a template puts into its text."""
 
 
 class OutsideText:
@@ -149,6 +152,26 @@ class TemplateSet:
                     f"{LINE_LENGTH} printable ASCII characters",
                     SourceRef(f"{name}.j2"),
                 )
+
+    @property
+    def own(self) -> Path | None:
+        """The folder of the cell's own templates, None where it has none."""
+        return self._folders[0] if self._folders[0].parent != templates_folder() else None
+
+    def origin(self, line: str) -> SourceRef | None:
+        """Return the line of the cell's own templates that gives a line of a program, if one does.
+
+        Values that a template puts in may be anything; blanks do not count.
+        """
+        wanted = "".join(line.split()).upper()
+        for path in sorted(self.own.glob("*.j2")) if self.own else ():
+            rows = path.read_text("utf-8", "replace").splitlines()
+            for number, row in enumerate(rows, start=1):
+                fixed = ["".join(part.split()).upper() for part in _VALUE.split(row)]
+                pattern = ".*".join(re.escape(part) for part in fixed)
+                if any(fixed) and re.fullmatch(pattern, wanted):
+                    return SourceRef(str(path), number, row.strip())
+        return None
 
     @cached_property
     def _read(self) -> dict[object, list[Statement]]:
