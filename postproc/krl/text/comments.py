@@ -13,12 +13,12 @@ _FOLD_WORDS = ("FOLD", "ENDFOLD", "PARAMS")
 _BY_SOUND = """
 а a б b в v г g д d е e ё yo ж zh з z и i й y к k л l м m н n о o п p р r с s т t у u ф f х kh ц ts
 ч ch ш sh щ shch ы y э e ю yu я ya і i ї yi є ye ґ g њ nj љ lj ђ dj ћ c џ dzh ј j
-ß ss æ ae ø o œ oe ł l đ d ı i
+ß ss æ ae œ oe ł l đ d ı i
 """
 _PAIRS = dict(zip(_BY_SOUND.split()[::2], _BY_SOUND.split()[1::2], strict=True))
 _UPPER = {k.upper(): v.capitalize() for k, v in _PAIRS.items() if k != "ß" and k != "ı"}
 _LATIN = str.maketrans({**_PAIRS, **_UPPER, **dict.fromkeys("ъьЪЬ", "")})
-"""Letters that have no ASCII beneath an accent: Cyrillic by its sound, and ligatures."""
+"""Letters without ASCII beneath an accent: Cyrillic by sound, ligatures; not the diameter sign."""
 
 
 def ascii_text(text: str) -> str:
