@@ -23,7 +23,7 @@ from postproc.records import dataclass
 
 T = TypeVar("T")
 BUILT_IN = "built-in"
-GROUPS = ("readers", "emitters", "effects", "objectives")
+GROUPS = ("readers", "emitters", "effects", "objectives", "traces", "path_effects")
 _NAMED = "[postproc."
 
 

@@ -21,6 +21,8 @@ SHELVES = {
     "postproc.planning.states.objectives",
     "postproc.report",
     "postproc.report.pages",
+    "postproc.trace.effects",
+    "postproc.trace.formats",
 }
 """Rooms of independent files: each file is a door of its own, so that a command loads only what it
 needs and a registry finds its parts."""

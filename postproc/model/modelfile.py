@@ -28,7 +28,7 @@ from postproc.geometry import kuka_from_transform, transform_from_kuka
 from postproc.records import dataclass
 from postproc.registry import part_names
 from postproc.toml import TomlText, load_toml, toml_key, toml_table, toml_value
-from postproc.units import DEG, MM, N_PER_MM, NMM_PER_RAD
+from postproc.units import DEG, MM, MS, N_PER_MM, NMM_PER_RAD
 
 SCHEMA = "postproc.model/1"
 LARGEST = 1e15
@@ -44,6 +44,8 @@ UNITS = MappingProxyType(
         "mm_per_s": MM,
         "deg_s": DEG,
         "per_K": 1.0,
+        "ms": MS,
+        "Hz": 1.0,
         "mm": MM,
         "deg": DEG,
         "rad": 1.0,

@@ -83,6 +83,8 @@ class Input:
 DATUM = (FIXTURES / "measuring_plan" / "datum.csv").read_text(encoding="utf-8")
 CELL = CELL_TEXT + '[[obstacles]]\nname = "o"\nbox = { size_mm = [100, 100, 100] }\n'
 CAMPAIGN = HEAD + "\n" + "\n".join(ROW.format(i) for i in range(6)) + "\n"
+TRACE_HEAD = ",".join(f"q{k}_{side}_deg" for side in ("cmd", "act") for k in range(1, 7))
+TRACE = f"time_s,{TRACE_HEAD}\n" + "".join(f"0.{k:03d}{',1.5' * 12}\n" for k in range(0, 200, 4))
 LARGE = ("1e308", "(mass_kg|feed_mm_min|approximation_mm|joint_Nmm_per_rad)")
 """Without an upper bound: no use, and no harm."""
 INPUTS = {
@@ -109,6 +111,14 @@ INPUTS = {
         "fit-base d.csv --cell c.toml",
         {"c.toml": CELL_TEXT},
         skip="id,|#",
+    ),
+    "trace": Input(
+        "log.csv",
+        TRACE,
+        "diagnose --trace log.csv --cell c.toml",
+        {"c.toml": CELL_TEXT},
+        known=(("nan", ""),),
+        skip="time_s|^0.1[0-9]*,",
     ),
     "model": Input(
         "model.toml",

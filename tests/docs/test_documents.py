@@ -24,6 +24,7 @@ RAIL = str(FIXTURES / "rail_panel" / "panel.csv")
 DRIFT = FIXTURES / "drift_campaign"
 ROWS, ARM = str(DRIFT / "measured.csv"), str(DRIFT / "cell.toml")
 DATUM = str(FIXTURES / "measuring_plan" / "datum.csv")
+LOG = str(ROOT / "tests" / "trace" / "data" / "log.csv")
 EXPECTED = str(FIXTURES / "trim_5axis" / "expected")
 BOX = ["--box", "1400", "-200", "900", "1700", "200", "1200", "--grid", "200"]
 CALLS = {
@@ -48,6 +49,7 @@ CALLS = {
         *("sample", "--cell", ARM, *BOX, "-o", "campaign", "--for-diagnosis", "--count", "20")
     ],
     "diagnose": ["diagnose", ROWS, "--cell", ARM],
+    "diagnose trace": ["diagnose", "--trace", LOG, "--cell", ARM],
     "identify": ["identify", ROWS, "--cell", ARM, "-o", "model.toml", "--method", "constant"],
     "predict": ["predict", ROWS, "--cell", ARM, "-o", "expected.csv"],
     "batch": ["batch", TRIM, "--cell", CELL, "-o", "batch", "--jobs", "1"],

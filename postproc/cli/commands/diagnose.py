@@ -17,6 +17,8 @@ from postproc.cli.common import (
     tool_option,
 )
 
+POSES_ONLY = ("registered", "before", "self_check")
+"""Options that need a campaign of poses."""
 EPILOG = """\b
 Examples:
   postproc diagnose measured.csv --cell cell.toml -o out
@@ -25,11 +27,17 @@ Examples:
   postproc diagnose after.csv --before measured.csv --cell cell.toml --model out/model.toml
   postproc diagnose measured.csv --cell cell.toml --self-check
   postproc diagnose measured.csv out/next_measurements.csv --cell cell.toml -o out2
+  postproc diagnose --trace log.csv --cell cell.toml -o out
 """
 
 
 @click.command(epilog=EPILOG)
-@click.argument("measurements", metavar="MEAS.csv...", nargs=-1, required=True)
+@click.argument("measurements", metavar="MEAS.csv...", nargs=-1)
+@click.option(
+    "--trace",
+    metavar="LOG.csv",
+    help="Recording of a path instead of poses: commanded and actual joints, tool point.",
+)
 @click.option("--cell", required=True, metavar="CELL.toml", help="The robot cell.")
 @tool_option
 @click.option("--model", metavar="MODEL.toml", help="What the simulation knows already.")
@@ -74,6 +82,8 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     Writes report.html and model.toml, and, where further readings would tell more,
     next_measurements.csv to fill in with next_measurements.src and .dat that drive to the poses.
     Several measurement files count as one campaign.
+
+    With --trace a recording of a path is diagnosed: delay, lag, reversals, vibration.
     """
     from postproc.cell import load_cell
     from postproc.jobs.diagnose import diagnose
@@ -81,6 +91,11 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     from postproc.model import load_model
     from postproc.process import word_findings, words_settled
 
+    if bool(options["measurements"]) == bool(options["trace"]):
+        text = "expected MEAS.csv, or --trace LOG.csv"
+        raise click.UsageError(text)
+    if options["trace"]:
+        return _trace(session, options)
     if options["output"]:
         keep_readings(Path(options["output"]))
     cell = load_cell(options["cell"]).for_tool(options["tool"])
@@ -99,6 +114,28 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
             options["before"],
             options["trials"] if options["self_check"] else 0,
         )
+    if options["output"]:
+        job.write(options["output"])
+    session.document(job.document)
+    for line in job.summary:
+        session.show(line)
+    tolerance = options["tol_mm"]
+    return answer(tolerance is None or job.document["gap"]["rms_mm"] <= tolerance)
+
+
+def _trace(session: Session, options: dict[str, Any]) -> int:
+    """Diagnose a recorded path."""
+    from postproc.cell import load_cell
+    from postproc.jobs.diagnose_trace import diagnose_trace
+    from postproc.model import load_model
+
+    for name in POSES_ONLY:
+        if options[name]:
+            raise click.UsageError(f"--{name.replace('_', '-')} does not go with --trace")
+    cell = load_cell(options["cell"]).for_tool(options["tool"])
+    model = load_model(options["model"]) if options["model"] else None
+    with session.progress() as progress:
+        job = diagnose_trace(options["trace"], cell, model, progress)
     if options["output"]:
         job.write(options["output"])
     session.document(job.document)

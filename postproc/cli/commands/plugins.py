@@ -23,6 +23,8 @@ _REGISTRIES = (
     ("postproc.emitters", "EMITTERS"),
     ("postproc.gap", "EFFECTS"),
     ("postproc.planning", "OBJECTIVES"),
+    ("postproc.trace", "TRACES"),
+    ("postproc.trace", "PATH_EFFECTS"),
 )
 
 

@@ -1,0 +1,77 @@
+"""Diagnose a recorded path: samples in; verdict, model and page out."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from postproc.cell import Cell
+from postproc.files import write_files
+from postproc.jobs.paged import Paged
+from postproc.kinematics import build
+from postproc.model import ModelFile, save_model
+from postproc.progress import Progress
+from postproc.trace import PathDiagnosis, document, model_file, read_recording, summary
+
+
+class PathJob(Paged):
+    """The answer to a recording. Nothing is on disk before ``write``."""
+
+    def __init__(self, found: PathDiagnosis, given: ModelFile | None) -> None:
+        self.found = found
+        self.given = given
+
+    @cached_property
+    def document(self) -> dict[str, Any]:
+        """The ``postproc.pathdiagnosis/1`` document, as ``diagnose --trace --json`` prints it."""
+        return document(self.found)
+
+    @property
+    def summary(self) -> list[str]:
+        """The answer in words, line by line."""
+        return list(summary(self.document))
+
+    @property
+    def model(self) -> ModelFile:
+        """The given model plus what was adopted."""
+        return model_file(self.found, self.given)
+
+    def page(self) -> bytes:
+        """Return the page: one HTML file that opens offline."""
+        from postproc.report.pages.trace import trace_page
+
+        return trace_page(self.found, self.document)
+
+    def write(self, folder: str | Path) -> tuple[Path, ...]:
+        """Write ``report.html`` and ``model.toml`` and return their paths.
+
+        Raises:
+            ReadError: if the folder cannot be written.
+        """
+        folder = Path(folder)
+        files = {"report.html": self.page(), "model.toml": save_model(self.model)}
+        contents = {folder / name: content for name, content in files.items()}
+        write_files(contents)
+        return tuple(contents)
+
+
+def diagnose_trace(
+    recording: str | Path,
+    cell: Cell,
+    model: ModelFile | None = None,
+    progress: Progress | None = None,
+) -> PathJob:
+    """Return the diagnosis of a recorded path.
+
+    Args:
+        recording: the file.
+        cell: robot and tool.
+        model: what is known already.
+        progress: called with (done, total, what).
+
+    Raises:
+        DataError: if the file is wrong, or holds nothing beside the command (TRC006).
+    """
+    rows = read_recording(recording, progress)
+    return PathJob(PathDiagnosis(rows, cell, build(cell.robot), model, progress), model)

@@ -1,0 +1,18 @@
+"""The gap along a path: from what a controller recorded to its causes."""
+
+from postproc.trace.answer import PathDiagnosis
+from postproc.trace.document import document, model_file, summary
+from postproc.trace.effect import PATH_EFFECTS
+from postproc.trace.reading import TRACES, read_recording
+from postproc.trace.recording import Recording
+
+__all__ = [
+    "PATH_EFFECTS",
+    "TRACES",
+    "PathDiagnosis",
+    "Recording",
+    "document",
+    "model_file",
+    "read_recording",
+    "summary",
+]

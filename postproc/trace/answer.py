@@ -1,0 +1,262 @@
+"""The answer to a recording: stages in order, what each shows, and what is left where."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from postproc.arrays import AnyIntArray, BoolArray, FloatArray
+from postproc.cell import Cell
+from postproc.errors import DataError, SourceRef
+from postproc.kinematics import Kinematics
+from postproc.model import ModelFile
+from postproc.progress import Clock, Progress
+from postproc.records import dataclass
+from postproc.trace.contour import contour_error
+from postproc.trace.effect import JOINTS, LINK, PATH_EFFECTS, TOOL, WHOLE
+from postproc.trace.evidence import STRETCHES, WHOLE_RUNS, Verdict, judged, withheld
+from postproc.trace.fit import values_of
+from postproc.trace.recording import Recording
+from postproc.trace.scene import Scene, Stage, carried
+from postproc.trace.signals import MEANS, means, white_sigma
+
+NOISE_LIKE = 0.5
+"""Rest with a memory, against the noise of one row, below which it counts as noise."""
+SHRINKS = 0.02
+"""Least share by which an effect shrinks the gap on rows that were not fitted."""
+SURE = (0.05, 0.95)
+"""Ends of the intervals."""
+DRAWS = 400
+_SEED = 1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Proof:
+    """An effect on rows that were not fitted: root mean squares [m] before and after it."""
+
+    name: str
+    stage: str
+    before: float
+    after: float
+    interval: tuple[float, float]
+
+    @property
+    def shrinkage(self) -> float:
+        """1 less after over before."""
+        return 1.0 - self.after / self.before if self.before > 0.0 else 0.0
+
+
+class PathDiagnosis:
+    """What a recording shows.
+
+    Args:
+        recording: all rows; cell, kinematics: of its arm.
+        model: what is known already; its effects are taken off before anything is judged.
+        progress: told the stages.
+    """
+
+    def __init__(
+        self,
+        recording: Recording,
+        cell: Cell,
+        kinematics: Kinematics,
+        model: ModelFile | None = None,
+        progress: Progress | None = None,
+    ) -> None:
+        self.recording = recording
+        self.cell = cell
+        self.tool = np.asarray(cell.tool.T_flange_tcp[:3, 3])
+        self.scene = Scene(recording, kinematics, self.tool)
+        clock = Clock("kinematics", progress)
+        self.stages = self._stages(kinematics)
+        if not self.stages:
+            raise DataError(
+                "TRC006",
+                "nothing was measured beside the command, expected q1_act_deg ... or x_mm, y_mm,"
+                " z_mm",
+                SourceRef(recording.path),
+            )
+        self.known = _known(self.stages, model)
+        self.stages = [
+            Stage(s.name, s.scene, s.gap - sum(self._offset(s).values())) for s in self.stages
+        ]
+        self.verdicts: list[Verdict] = []
+        for stage in self.stages:
+            clock.begin(f"effects at the {stage.name}")
+            self.verdicts.append(judged(stage))
+        clock.begin("proof")
+        self.proofs = self._proofs()
+
+    def _stages(self, kinematics: Kinematics) -> list[Stage]:
+        recording, scene = self.recording, self.scene
+        stages = []
+        if recording.actual is not None:
+            stages.append(Stage(JOINTS, scene, (recording.actual - recording.command).T))
+        if recording.link is not None and recording.actual is not None:
+            seen = np.isfinite(recording.link).any(axis=0)
+            last = int(np.flatnonzero(seen)[-1]) + 1
+            gap = np.nan_to_num(recording.link - recording.actual)[:, :last]
+            stages.append(Stage(LINK, scene, gap.T))
+        if recording.point is not None:
+            at = recording.command if recording.actual is None else recording.actual
+            reference = Scene(recording, kinematics, self.tool, at)
+            gap = recording.point - carried(kinematics, at, self.tool)
+            name = WHOLE if recording.actual is None else TOOL
+            stages.append(Stage(name, reference, gap.T))
+        return stages
+
+    def _offset(self, stage: Stage) -> dict[str, FloatArray]:
+        thetas = {n: t for n, t in self.known.items() if stage.name in PATH_EFFECTS.get(n).stages}
+        first = self.stages[0].name
+        return values_of(stage, thetas) if stage.name == first else {"": np.zeros_like(stage.gap)}
+
+    @cached_property
+    def gap(self) -> FloatArray:
+        """(n, 3) [m] of the tool point: measured, else of the joints carried to it; less known."""
+        pairs = zip(self.stages, self.verdicts, strict=True)
+        return np.asarray(sum(s.at_tool(_filled(s, v)) for s, v in pairs))
+
+    @cached_property
+    def explained(self) -> dict[str, FloatArray]:
+        """Value (n, 3) [m] of each adopted effect over all rows."""
+        found: dict[str, FloatArray] = {}
+        for stage, verdict in zip(self.stages, self.verdicts, strict=True):
+            thetas = {n: verdict.fitted.thetas[n] for n in self.adopted if n in verdict.adopted}
+            for name, value in values_of(stage, thetas).items():
+                found[name] = found.get(name, np.zeros(1)) + stage.at_tool(value)
+        return found
+
+    @cached_property
+    def rest(self) -> FloatArray:
+        """(n, 3) [m] what the adopted effects leave."""
+        return self.gap - sum(self.explained.values(), np.zeros_like(self.gap))
+
+    @cached_property
+    def adopted(self) -> tuple[str, ...]:
+        """Names, in order of how much of the gap they remove."""
+        good = [p for p in self.proofs if p.name in self._named and self._holds(p)]
+        good.sort(key=lambda p: -_weight(p))
+        return tuple(dict.fromkeys(p.name for p in good))
+
+    @property
+    def _named(self) -> set[str]:
+        return {name for verdict in self.verdicts for name in verdict.adopted}
+
+    @staticmethod
+    def _holds(proof: Proof) -> bool:
+        return proof.shrinkage > SHRINKS and proof.interval[0] > 0.0
+
+    @cached_property
+    def sigma(self) -> float:
+        """Standard deviation [m] per axis, at the tool point, of noise without a memory."""
+        stretches = self.scene.stretches
+        rest = np.where(self.judged[:, None], self.rest, np.nan)
+        per_axis = [white_sigma(row, stretches) for row in rest.T]
+        return float(np.sqrt(np.mean(np.square(per_axis))))
+
+    def slow(self, values: FloatArray) -> float:
+        """Return the root mean square [m] per axis of what in (n, 3) has a memory."""
+        squares = []
+        for row in np.where(self.judged[:, None], values, np.nan).T:
+            white = white_sigma(row, self.scene.stretches) ** 2
+            block = MEANS[0]
+            found = means(row, self.scene.stretches, block)
+            squares.append(max(0.0, float(np.mean(found**2)) - white / block) if len(found) else 0)
+        return float(np.sqrt(np.mean(squares)))
+
+    @cached_property
+    def verdict(self) -> str:
+        """``explained``, ``no_gap`` or ``unexplained``."""
+        if self.slow(self.rest) > NOISE_LIKE * self.sigma:
+            return "unexplained"
+        return "explained" if self.adopted else "no_gap"
+
+    @cached_property
+    def judged(self) -> BoolArray:
+        """(n,) rows whose past is known: the others are drawn, but nothing rests on them."""
+        known = self.scene.known
+        return known if known.any() else np.ones_like(known)
+
+    def _proofs(self) -> list[Proof]:
+        proofs = []
+        for verdict in self.verdicts:
+            proofs += self._proofs_of(verdict)
+        return proofs
+
+    def _proofs_of(self, verdict: Verdict) -> list[Proof]:
+        stage = verdict.stage
+        good = stage.scene.known
+        left = stage.at_tool(_filled(stage, verdict)) * good[:, None]
+        block = _blocks(stage)
+        found = []
+        values = withheld(verdict) if verdict.adopted else {}
+        for name in verdict.adopted:
+            after = left - values[name] * good[:, None]
+            found.append(_proof(name, stage.name, left, after, block))
+            left = after
+        for name in verdict.with_each:
+            more = withheld(verdict, name)
+            change = sum(more.values()) - sum(values.values(), np.zeros_like(left))
+            after = left - change * good[:, None]
+            found.append(_proof(name, stage.name, left, after, block))
+        return found
+
+    @cached_property
+    def withheld_on(self) -> str:
+        """On what the proofs rest, in words."""
+        runs = len(np.unique(self.recording.run))
+        return "runs not fitted" if runs >= WHOLE_RUNS else "stretches not fitted"
+
+    @cached_property
+    def contour(self) -> FloatArray:
+        """(n,) [m] distance of the tool point from the commanded path."""
+        return contour_error(self.scene, self.scene.points + self.gap)
+
+
+def _filled(stage: Stage, verdict: Verdict) -> FloatArray:
+    """Return the gap (m, n), where it was not measured as the effects would have it."""
+    if np.isfinite(stage.gap).all():
+        return stage.gap
+    values = values_of(stage, verdict.fitted.thetas)
+    like = sum(values.values(), np.zeros_like(stage.gap)) + verdict.fitted.constants[:, None]
+    return np.where(np.isfinite(stage.gap), stage.gap, like)
+
+
+def _weight(proof: Proof) -> float:
+    return float(proof.before**2 - proof.after**2)
+
+
+def _known(stages: list[Stage], model: ModelFile | None) -> dict[str, FloatArray]:
+    """Return the parameters of the effects that a model file has for paths."""
+    known: dict[str, FloatArray] = {}
+    for name, table in (model.effects if model is not None else {}).items():
+        if model is not None and name in PATH_EFFECTS:
+            theta = PATH_EFFECTS.get(name).read(model, table)
+            if theta is not None:
+                known[name] = theta
+    del stages
+    return known
+
+
+def _blocks(stage: Stage) -> AnyIntArray:
+    """Return which stretch (n,) of the recording each row is drawn with."""
+    n = stage.gap.shape[1]
+    return np.asarray((np.arange(n) * STRETCHES) // max(1, n))
+
+
+def _proof(
+    name: str, stage: str, before: FloatArray, after: FloatArray, block: AnyIntArray
+) -> Proof:
+    """Return the proof, with the interval of what other stretches would have shown."""
+    count = int(block.max()) + 1
+    sums = [
+        np.bincount(block, np.sum(np.square(values), axis=1), count) for values in (before, after)
+    ]
+    rows = np.bincount(block, minlength=count)
+    drawn = np.random.default_rng(_SEED).integers(0, count, (DRAWS, count))
+    first, second = (s[drawn].sum(axis=1) for s in sums)
+    shrunk = 1.0 - np.sqrt(second / np.maximum(first, 1e-30))
+    low, high = np.quantile(shrunk, SURE)
+    levels = [float(np.sqrt(s.sum() / rows.sum())) for s in sums]
+    return Proof(name, stage, levels[0], levels[1], (float(low), float(high)))

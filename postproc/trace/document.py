@@ -1,0 +1,229 @@
+"""The answer as a document (``postproc.pathdiagnosis/1``), as a model file, and in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray
+from postproc.model import ModelFile
+from postproc.trace.answer import PathDiagnosis, Proof
+from postproc.trace.classes import unexplained
+from postproc.trace.effect import PATH_EFFECTS
+from postproc.trace.evidence import Verdict
+from postproc.trace.phases import NAMES
+from postproc.units import MM
+
+SCHEMA = "postproc.pathdiagnosis/1"
+WORST_LINES = 50
+
+
+def document(found: PathDiagnosis) -> dict[str, Any]:
+    """Return the document."""
+    size = np.linalg.norm(found.gap, axis=1)
+    left = np.linalg.norm(found.rest, axis=1)
+    worst = found.contour
+    total = float(np.sum(size**2))
+    return {
+        "schema": SCHEMA,
+        "verdict": found.verdict,
+        "rows": {"read": found.recording.rows_read, "used": len(found.recording)},
+        "gap": _levels(size),
+        "contour": _levels(worst),
+        "noise": {
+            "sigma_mm": _mm(found.sigma),
+            "source": "rows",
+            "memory_mm": _mm(found.slow(found.rest)),
+        },
+        "where": {
+            "phases": _phases(found, size, left, worst, total),
+            "lines": _lines(found, size, worst),
+            "joints": _joints(found),
+        },
+        "effects": _effects(found),
+        "adopted": list(found.adopted),
+        "residual": {"rms_mm": _mm(_rms(left)), "explained_share": _share(left, total)},
+        "unexplained": unexplained(found),
+        "not_testable": _not_testable(found),
+        "known": sorted(found.known),
+        "remarks": list(found.recording.remarks),
+    }
+
+
+def _mm(value: float) -> float:
+    return float(np.round(value / MM, 7))
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else 0.0
+
+
+def _share(left: FloatArray, total: float) -> float:
+    return float(np.round(1.0 - np.sum(left**2) / total, 5)) if total > 0.0 else 0.0
+
+
+def _levels(size: FloatArray) -> dict[str, float]:
+    return {
+        "rms_mm": _mm(_rms(size)),
+        "p95_mm": _mm(float(np.quantile(size, 0.95))),
+        "max_mm": _mm(float(size.max())),
+    }
+
+
+def _phases(
+    found: PathDiagnosis, size: FloatArray, left: FloatArray, contour: FloatArray, total: float
+) -> list[dict[str, Any]]:
+    phase = found.scene.phases.phase
+    rows = []
+    for number, name in enumerate(NAMES):
+        mine: BoolArray = phase == number
+        if mine.any():
+            share = float(np.sum(size[mine] ** 2)) / total if total > 0.0 else 0.0
+            rows.append(
+                {
+                    "phase": name,
+                    "share": round(share, 5),
+                    "rms_mm": _mm(_rms(size[mine])),
+                    "rows": int(mine.sum()),
+                    "contour_rms_mm": _mm(_rms(contour[mine])),
+                    "left_rms_mm": _mm(_rms(left[mine])),
+                }
+            )
+    return sorted(rows, key=lambda row: (-row["share"], row["phase"]))
+
+
+def _lines(found: PathDiagnosis, size: FloatArray, contour: FloatArray) -> list[dict[str, Any]]:
+    line = found.recording.line
+    if line is None:
+        return []
+    numbers, place = np.unique(line, return_inverse=True)
+    count = np.bincount(place)
+    rms = np.sqrt(np.bincount(place, size**2) / count)
+    top, far = np.zeros(len(numbers)), np.zeros(len(numbers))
+    np.maximum.at(top, place, size)
+    np.maximum.at(far, place, contour)
+    order = np.lexsort((numbers, -rms))
+    return [
+        {
+            "line": int(numbers[k]),
+            "rms_mm": _mm(float(rms[k])),
+            "max_mm": _mm(float(top[k])),
+            "contour_max_mm": _mm(float(far[k])),
+        }
+        for k in order
+        if numbers[k] >= 0
+    ][:WORST_LINES]
+
+
+def _joints(found: PathDiagnosis) -> list[dict[str, Any]]:
+    """Return the share of the gap that enters at each joint, as far as joints were recorded."""
+    first = found.stages[0]
+    if not first.in_joints:
+        return []
+    J = found.scene.jacobian
+    parts = [J[:, :, k] * first.gap[k][:, None] for k in range(len(first.gap))]
+    squares = np.array([float(np.sum(p**2)) for p in parts])
+    total = float(squares.sum()) or 1.0
+    rows = [{"joint": k + 1, "share": float(np.round(s / total, 5))} for k, s in enumerate(squares)]
+    return sorted(rows, key=lambda row: (-row["share"], row["joint"]))
+
+
+def _effects(found: PathDiagnosis) -> list[dict[str, Any]]:
+    rows = []
+    for verdict in found.verdicts:
+        for proof in found.proofs:
+            if proof.stage == verdict.stage.name:
+                rows.append(_effect(found, verdict, proof))
+    place = {name: k for k, name in enumerate(found.adopted)}
+    rows.sort(
+        key=lambda row: (
+            place.get(row["name"], len(place)),
+            -row["probability"],
+            -row["shrinkage"],
+            row["name"],
+        )
+    )
+    return rows
+
+
+def _effect(found: PathDiagnosis, verdict: Verdict, proof: Proof) -> dict[str, Any]:
+    name, stage = proof.name, verdict.stage
+    fitted = verdict.fitted if name in verdict.adopted else verdict.with_each[name]
+    worth = float(np.sqrt(np.mean(verdict.worth)))
+    table = PATH_EFFECTS.get(name).table(
+        stage, fitted.thetas[name], worth * fitted.deviations[name]
+    )
+    twins = verdict.twins.get(name, ())
+    return {
+        "name": name,
+        "stage": stage.name,
+        "probability": round(verdict.probability[name], 6),
+        "adopted": name in found.adopted and name in verdict.adopted,
+        "rms_before_mm": _mm(proof.before),
+        "rms_after_mm": _mm(proof.after),
+        "shrinkage": round(proof.shrinkage, 5),
+        "shrinkage_ci": [round(end, 5) for end in proof.interval],
+        "judged_on": found.withheld_on,
+        "parameters": table,
+        "confounded_with": list(twins),
+        "title": PATH_EFFECTS.get(name).title,
+        "action": PATH_EFFECTS.get(name).action,
+    }
+
+
+def _not_testable(found: PathDiagnosis) -> list[dict[str, Any]]:
+    have = {stage.name for stage in found.stages}
+    needs = {
+        "joints": ["q1_act_deg ... q6_act_deg"],
+        "tool": ["x_mm", "y_mm", "z_mm"],
+        "program": ["--program"],
+    }
+    rows = []
+    for name, effect in PATH_EFFECTS:
+        if not have & set(effect.stages):
+            first = next((s for s in effect.stages if s in needs), "tool")
+            rows.append({"name": name, "needs": needs[first]})
+    return rows
+
+
+def model_file(found: PathDiagnosis, given: ModelFile | None) -> ModelFile:
+    """Return the given model plus what was adopted."""
+    effects = dict(given.effects) if given is not None else {}
+    for row in reversed(_effects(found)):
+        if row["adopted"]:
+            keys = PATH_EFFECTS.get(row["name"]).keys
+            table = {k: v for k, v in row["parameters"].items() if k in keys}
+            effects[row["name"]] = {k: _without_none(v) for k, v in table.items()}
+    registration = given.registration if given is not None else None
+    notes = given.notes if given is not None else ()
+    weight = given.has_tool_weight if given is not None else False
+    return ModelFile(effects, registration, notes, has_tool_weight=weight)
+
+
+def _without_none(value: Any) -> Any:  # noqa: ANN401 - numbers, texts, lists of them
+    if isinstance(value, list):
+        return [_without_none(v) for v in value]
+    return float("nan") if value is None else value
+
+
+def summary(told: dict[str, Any]) -> Sequence[str]:
+    """Return the answer in words, line by line."""
+    gap, left = told["gap"], told["residual"]
+    off = told["contour"]["rms_mm"]
+    lines = [
+        f"{told['verdict'].replace('_', ' ')}: the tool point is {gap['rms_mm']:.3f} mm (rms) off"
+        f" its command, at most {gap['max_mm']:.3f} mm; off the path {off:.3f} mm"
+    ]
+    for row in told["effects"]:
+        if row["adopted"]:
+            lines.append(
+                f"{row['name']}: {row['title']}; {row['rms_before_mm']:.3f} mm becomes"
+                f" {row['rms_after_mm']:.3f} mm on {row['judged_on']}"
+            )
+    worst = told["where"]["phases"][:1]
+    lines += [f"most of it in the phase {w['phase']} ({w['share']:.0%})" for w in worst]
+    if told["verdict"] == "unexplained":
+        lines.append(f"{left['rms_mm']:.3f} mm are left and follow no effect of the library")
+    return lines

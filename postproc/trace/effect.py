@@ -1,0 +1,105 @@
+"""What every effect along the path is: one class in one file, under one contract.
+
+An effect is a displacement of joints or of the tool point as a function of the set-point, with
+parameters. It tells its value and how the value changes with each parameter; fitting, evidence and
+proof are the same for all, in ``fit`` and ``evidence``.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray
+from postproc.model import ModelFile
+from postproc.records import dataclass
+from postproc.registry import Registry
+from postproc.trace.scene import Piece, Stage
+
+JOINTS, LINK, TOOL, WHOLE = "joints", "link", "tool", "whole"
+"""Command to motor, motor to link, motor to tool; command to tool where no motor was recorded."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Part:
+    """Value (m, n) of an effect at a stage, and its change with each parameter."""
+
+    value: FloatArray
+    pieces: list[Piece]
+
+
+class PathEffect(ABC):
+    """One effect; ``theta`` (p,) are its parameters in SI, 0 where the effect is absent.
+
+    Args:
+        name: in documents and model files; title, action: in words.
+        stages: where it enters.
+        rivals: effects that say the same in other words: one of them at most.
+        keys: keys of its table in a model file.
+    """
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    action: ClassVar[str]
+    stages: ClassVar[tuple[str, ...]]
+    rivals: ClassVar[tuple[str, ...]] = ()
+    keys: ClassVar[tuple[str, ...]]
+
+    @abstractmethod
+    def start(self, stage: Stage, rest: FloatArray, sigma: FloatArray) -> FloatArray | None:
+        """Return parameters to begin with, None where the stage cannot show the effect.
+
+        Args:
+            stage: where.
+            rest: (m, n) what is to be explained.
+            sigma: (m,) of its noise.
+        """
+
+    @abstractmethod
+    def part(self, stage: Stage, theta: FloatArray, tangent: bool = True) -> Part:
+        """Return the value, with ``tangent`` its change with each parameter as well."""
+
+    @abstractmethod
+    def widths(self, theta: FloatArray) -> FloatArray:
+        """Return the usual sizes (p,) of the parameters; inf: anything is as likely."""
+
+    def moved(self, theta: FloatArray, step: FloatArray) -> FloatArray:
+        """Return the parameters after a step of the fit."""
+        return np.asarray(theta + step)
+
+    def count(self, theta: FloatArray) -> int:
+        """Return how many free parameters these are."""
+        return len(theta)
+
+    @abstractmethod
+    def table(self, stage: Stage, theta: FloatArray, deviation: FloatArray) -> dict[str, Any]:
+        """Return the parameters by the keys of the file, None for what the rows cannot tell."""
+
+    @abstractmethod
+    def read(self, model: ModelFile, table: Mapping[str, Any]) -> FloatArray | None:
+        """Return the parameters of a table of a model file, None for one of another kind."""
+
+
+PATH_EFFECTS: Registry[PathEffect] = Registry("path_effects", "postproc.trace.effects", PathEffect)
+
+
+def register(kind: type[PathEffect]) -> type[PathEffect]:
+    """Add an effect class to the registry (decorator)."""
+    PATH_EFFECTS.register(kind.name)(kind())
+    return kind
+
+
+def moving(stage: Stage, least: float) -> BoolArray:
+    """Return which joints (6,) are faster than ``least`` [rad/s] in a hundredth of the rows."""
+    return np.asarray(np.quantile(np.abs(stage.scene.speed), 0.99, axis=0) > least)
+
+
+def seen(values: FloatArray, deviation: FloatArray, least: float, unit: float) -> list[Any]:
+    """Return values in the unit of the file, None where the deviation is above ``least``."""
+    return [
+        float(np.round(value / unit, 6)) if d < least and np.isfinite(value) else None
+        for value, d in zip(values, deviation, strict=True)
+    ]

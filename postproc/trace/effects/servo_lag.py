@@ -1,0 +1,114 @@
+"""Each joint follows its command by a time of its own: the position loop."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from postproc.arrays import FloatArray
+from postproc.model import ModelFile
+from postproc.trace.delays import SHORT, delayed, lagged, with_slopes
+from postproc.trace.effect import JOINTS, WHOLE, Part, PathEffect, moving, register, seen
+from postproc.trace.scene import Piece, Stage
+from postproc.units import DEG, MS
+
+FAST = 1.0 * DEG
+"""A joint that stays slower [rad/s] tells no time of its own."""
+TELLS = 1.0 * MS
+"""A delay that is less sure [s] is not told."""
+LONGEST = 0.2
+"""No position loop is slower [s]."""
+
+
+@register
+class ServoLag(PathEffect):
+    """Dead time and first-order lag per joint: theta = six delays, six time constants [s].
+
+    The delay is that of slow motions, dead time and time constant together; negative: the
+    pre-control is too strong, and the joint runs ahead.
+    """
+
+    name = "servo_lag"
+    title = "each joint runs behind its command by its own time while it moves"
+    action = "lower the feed in corners, or tune the pre-control of the drives"
+    stages = (JOINTS, WHOLE)
+    rivals = ("controller_delay", "clock_offset")
+    keys = ("delay_ms", "time_constant_ms")
+
+    def start(self, stage: Stage, rest: FloatArray, sigma: FloatArray) -> FloatArray | None:
+        """Find delay and time constant of each joint by its speed and acceleration."""
+        del sigma
+        moves = moving(stage, FAST)
+        if moves.sum() < 2:
+            return None
+        theta = np.zeros(12)
+        if not stage.in_joints:
+            return theta
+        scene = stage.scene
+        for joint in np.flatnonzero(moves[: len(rest)]).tolist():
+            good = scene.known & np.isfinite(rest[joint])
+            total = 0.0
+            for _ in range(4):
+                value, rate = lagged(stage, joint, total, 0.0), self._rate(stage, joint, total)
+                acceleration = np.gradient(scene.speed[:, joint], scene.time)
+                X = np.stack([rate, acceleration, np.ones(len(rate))], axis=1)[good]
+                step = np.linalg.lstsq(X, (rest[joint] - value)[good], rcond=None)[0]
+                total = float(np.clip(total + step[0], -LONGEST, LONGEST))
+            theta[joint] = total
+            theta[6 + joint] = min(np.sqrt(max(0.0, 2.0 * step[1])), LONGEST)
+        return theta
+
+    @staticmethod
+    def _rate(stage: Stage, joint: int, total: float) -> FloatArray:
+        return delayed(stage, total)[1][:, joint]
+
+    def part(self, stage: Stage, theta: FloatArray, tangent: bool = True) -> Part:
+        """Let each joint follow by its own time."""
+        joints = np.zeros_like(stage.scene.reference)
+        pieces: list[Piece] = []
+        slow = ~moving(stage, FAST)
+        for joint in range(6):
+            total, constant = float(theta[joint]), float(theta[6 + joint])
+            if slow[joint] or (stage.in_joints and joint >= len(stage.gap)):
+                continue
+            if not tangent:
+                joints[:, joint] = lagged(stage, joint, total, constant)
+                continue
+            joints[:, joint], slopes = with_slopes(stage, joint, total, constant)
+            free = (joint, 6 + joint) if constant >= SHORT else (joint,)
+            pieces += stage.lift(joint, free, slopes[:, : len(free)])
+        return Part(stage.lifted(joints), pieces)
+
+    def widths(self, theta: FloatArray) -> FloatArray:
+        """Return the times of position loops from 20 to 50 per second."""
+        return np.full(len(theta), 0.05)
+
+    def moved(self, theta: FloatArray, step: FloatArray) -> FloatArray:
+        """Return delays, and time constants that are not negative."""
+        new = np.clip(theta + step, -LONGEST, LONGEST)
+        new[6:] = np.maximum(new[6:], 0.0)
+        return np.asarray(new)
+
+    def count(self, theta: FloatArray) -> int:
+        """Return how many delays and time constants there are."""
+        return int(np.sum(theta != 0.0))
+
+    def table(self, stage: Stage, theta: FloatArray, deviation: FloatArray) -> dict[str, Any]:
+        """Return six delays, and the time constants."""
+        unsure = np.where(moving(stage, FAST), deviation[:6], np.inf)
+        constants = np.where(theta[6:] >= SHORT, theta[6:], 0.0)
+        return {
+            "delay_ms": seen(theta[:6], unsure, TELLS, MS),
+            "time_constant_ms": seen(constants, unsure, TELLS, MS),
+        }
+
+    def read(self, model: ModelFile, table: Mapping[str, Any]) -> FloatArray | None:
+        """Return the times of a file; None for one in seconds, which is of standing poses."""
+        if "delay_ms" not in table:
+            return None
+        delay = model.values(self.name, "delay_ms", (6,))
+        constant = model.values(self.name, "time_constant_ms", (6,), optional=True)
+        parts = [np.zeros(6) if part is None else part for part in (delay, constant)]
+        return np.asarray(np.nan_to_num(np.concatenate(parts)))

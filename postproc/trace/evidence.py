@@ -1,0 +1,249 @@
+"""Which effects a stage shows: every set of them is fitted, weighed, and proven on other rows.
+
+The weight of a set is its likelihood with the size of the noise unknown, at the number of rows
+that are worth an independent one, less the price of its parameters. The probability of an effect
+is the weight of the sets that hold it. It is adopted if it is probable, if it is large enough to
+matter, and if rows that were not fitted agree.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray, IntArray
+from postproc.records import dataclass
+from postproc.trace.effect import PATH_EFFECTS
+from postproc.trace.fit import Fit, fit, rest_of, values_of
+from postproc.trace.recording import SHORTEST
+from postproc.trace.scene import Stage
+from postproc.trace.signals import memory, white_sigma
+
+FIT_ROWS = 16_000
+"""Rows that are fitted: enough for every figure, few enough for every set of effects."""
+PIECE_ROWS = 2_000
+"""Rows of the pieces in which a longer recording is thinned for the fit: 8 s at 4 ms."""
+PRIOR_ODDS = 0.1
+"""Of an effect, before anything is seen: most effects are absent from most recordings."""
+PROBABLE = 0.9
+"""Probability from which an effect is adopted."""
+MATTERS = 0.25
+"""Least size of an effect where it acts, against the noise of one row: less moves no figure."""
+FOLDS = 5
+WHOLE_RUNS = 3
+"""Runs from which whole ones are withheld."""
+STRETCHES = 30
+"""Stretches of the rows that are withheld in turn, and drawn for intervals."""
+WEIGHTLESS = 1e-12
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Verdict:
+    """What a stage shows.
+
+    Args:
+        stage: at the rows that were fitted.
+        sigma: (m,) noise without memory; worth: (m,) rows worth one, see ``signals.memory``.
+        adopted: names, the largest first; probability: of every effect that was tried.
+        fitted: the adopted effects; with_each: the adopted and one more, for those that were not.
+        twins: effects that the rows cannot tell from an adopted one.
+    """
+
+    stage: Stage
+    sigma: FloatArray
+    worth: FloatArray
+    adopted: tuple[str, ...]
+    probability: dict[str, float]
+    fitted: Fit
+    with_each: dict[str, Fit]
+    twins: dict[str, tuple[str, ...]]
+
+
+def thinned(stage: Stage) -> Stage:
+    """Return the stage at rows that are fitted: whole pieces, evenly spread over the runs."""
+    n = stage.gap.shape[1]
+    if n <= FIT_ROWS:
+        return stage
+    pieces = max(1, FIT_ROWS // PIECE_ROWS)
+    starts = np.linspace(0, n - PIECE_ROWS, pieces).astype(int)
+    index = np.unique(np.concatenate([np.arange(s, s + PIECE_ROWS) for s in starts]))
+    stretch = stage.scene.recording.stretch[index]
+    ends = np.concatenate([[True], (np.diff(index) > 1) | (np.diff(stretch) != 0)])
+    number = np.cumsum(ends) - 1
+    long = np.bincount(number)[number] > SHORTEST
+    return stage.rows(index[long])
+
+
+def judged(stage: Stage) -> Verdict:
+    """Return which effects a stage shows.
+
+    Args:
+        stage: all of its rows.
+    """
+    part = thinned(stage)
+    sigma = _noise(part, part.gap)
+    chains = _chains(part, sigma)
+    fullest = min((full for _, full in chains), key=lambda full: _unexplained(full))
+    rest = rest_of(part, fullest.thetas) - fullest.constants[:, None]
+    sigma = _noise(part, rest)
+    worth = _memory(part, rest)
+    fits: dict[frozenset[str], Fit] = {}
+    for _, full in chains:
+        names = list(full.thetas)
+        for size in range(len(names) + 1):
+            for members in combinations(names, size):
+                key = frozenset(members)
+                if key not in fits:
+                    start = {name: full.thetas[name] for name in members}
+                    fits[key] = full if size == len(names) else fit(part, start, sigma)
+    weights = _weights(fits, sigma, worth)
+    tried = sorted(set().union(*fits))
+    probability = {
+        name: float(sum(weight for key, weight in weights.items() if name in key)) for name in tried
+    }
+    best = max(weights, key=lambda key: (weights[key], sorted(key)))
+    twins = _twins(best, weights)
+    chosen = [
+        name
+        for name in best
+        if probability[name] + sum(probability[t] for t in twins.get(name, ())) >= PROBABLE
+        and _matters(part, fits[best], name, sigma)
+    ]
+    adopted = frozenset(chosen)
+    fitted = fits.get(adopted) or fit(part, {n: fits[best].thetas[n] for n in adopted}, sigma)
+    order = sorted(adopted, key=lambda n: -_size(part, fitted, n))
+    with_each = {}
+    for name in tried:
+        key = adopted | {name}
+        if name not in adopted and key in fits:
+            with_each[name] = fits[key]
+    kept = {name: twins[name] for name in adopted if name in twins}
+    return Verdict(part, sigma, worth, tuple(order), probability, fitted, with_each, kept)
+
+
+def _noise(stage: Stage, rest: FloatArray) -> FloatArray:
+    """Return the noise without memory (m,) of each output."""
+    stretches = stage.scene.stretches
+    sigma = np.array([white_sigma(row, stretches) for row in rest])
+    # an output without any noise is as exact as its numbers are written
+    return np.asarray(np.maximum(sigma, _quantum(stage.gap)))
+
+
+def _quantum(gap: FloatArray) -> FloatArray:
+    size = np.nanmax(np.abs(gap), axis=1, initial=0.0)
+    return np.asarray(np.maximum(1e-9, 1e-6 * size))
+
+
+def _memory(stage: Stage, rest: FloatArray) -> FloatArray:
+    return np.array([memory(np.nan_to_num(row), stage.scene.stretches) for row in rest])
+
+
+def _chains(stage: Stage, sigma: FloatArray) -> list[tuple[tuple[str, ...], Fit]]:
+    """Return the fullest sets: one of each family of rivals, with everything that has no rival."""
+    able = [(n, e) for n, e in PATH_EFFECTS if stage.name in e.stages]
+    rivals = [n for n, e in able if any(r in dict(able) for r in e.rivals)]
+    alone = sorted((n for n, _ in able if n not in rivals), key=lambda n: n == "vibration")
+    chains = []
+    for first in [*rivals, None]:
+        thetas: dict[str, FloatArray] = {}
+        now = fit(stage, thetas, sigma)
+        for name in [*([first] if first else []), *alone]:
+            rest = rest_of(stage, now.thetas) - now.constants[:, None]
+            level = np.maximum(_noise(stage, rest), WEIGHTLESS)
+            theta = PATH_EFFECTS.get(name).start(stage, rest, level)
+            if theta is not None:
+                now = fit(stage, {**now.thetas, name: theta}, sigma)
+        chains.append((tuple(now.thetas), now))
+    return chains
+
+
+def _unexplained(found: Fit) -> float:
+    """Return the logarithm of what a set leaves, summed over outputs."""
+    return float(np.sum(found.count * np.log(np.maximum(found.squares, WEIGHTLESS**2))))
+
+
+def _weights(
+    fits: dict[frozenset[str], Fit], sigma: FloatArray, worth: FloatArray
+) -> dict[frozenset[str], float]:
+    """Return the posterior probability of each set.
+
+    Args:
+        fits: by the names in the set.
+        sigma: (m,) noise without memory.
+        worth: (m,) rows that are worth an independent one.
+    """
+    logs = {}
+    for key, found in fits.items():
+        count = found.count / worth
+        # what is below the noise of the rows is no merit
+        floor = (0.5 * sigma) ** 2 * found.count
+        left = np.log(np.maximum(found.squares, np.maximum(floor, 1e-30)))
+        cost = 0.5 * float(np.sum(count * left))
+        cost += 0.5 * found.free * float(np.log(max(2.0, count.mean())))
+        logs[key] = -cost + len(key) * float(np.log(PRIOR_ODDS))
+    top = max(logs.values())
+    weights = {key: float(np.exp(value - top)) for key, value in logs.items()}
+    total = sum(weights.values())
+    return {key: weight / total for key, weight in weights.items()}
+
+
+def _twins(
+    best: frozenset[str], weights: dict[frozenset[str], float]
+) -> dict[str, tuple[str, ...]]:
+    """Return the rivals of each effect of the best set that would do as well in its place."""
+    found = {}
+    for name in best:
+        others = []
+        for rival in PATH_EFFECTS.get(name).rivals:
+            swapped = (best - {name}) | {rival}
+            if weights.get(swapped, 0.0) > PRIOR_ODDS * weights[best]:
+                others.append(rival)
+        if others:
+            found[name] = tuple(others)
+    return found
+
+
+def _size(stage: Stage, found: Fit, name: str) -> float:
+    """Return the root mean square [m] of an effect at the tool point."""
+    value = values_of(stage, {name: found.thetas[name]})[name]
+    return float(np.sqrt(np.mean(np.sum(stage.at_tool(value) ** 2, axis=1))))
+
+
+def _matters(stage: Stage, found: Fit, name: str, sigma: FloatArray) -> bool:
+    """Return whether an effect, where it acts most, is large against the noise of a row."""
+    value = values_of(stage, {name: found.thetas[name]})[name]
+    value = value - np.median(value, axis=1, keepdims=True)
+    strongest = np.sqrt(np.mean(value**2, axis=1))
+    busy = np.quantile(np.abs(value), 0.98, axis=1)
+    return bool(np.any(np.maximum(strongest, 0.5 * busy) > MATTERS * sigma))
+
+
+def folds_of(stage: Stage) -> IntArray:
+    """Return which fold (n,) each row is withheld in: whole runs, or stretches in turn."""
+    run = stage.scene.recording.run
+    runs, number = np.unique(run, return_inverse=True)
+    if len(runs) >= WHOLE_RUNS:
+        return np.asarray(number % FOLDS, dtype=np.int32)
+    block = (np.arange(len(run)) * STRETCHES) // max(1, len(run))
+    return np.asarray(block % FOLDS, dtype=np.int32)
+
+
+def withheld(verdict: Verdict, extra: str | None = None) -> dict[str, FloatArray]:
+    """Return the value (n, 3) [m] at the tool of each effect, on rows that were not fitted.
+
+    Args:
+        verdict: of a stage.
+        extra: an effect beyond the adopted ones.
+    """
+    stage = verdict.stage
+    start = verdict.fitted if extra is None else verdict.with_each[extra]
+    fold = folds_of(stage)
+    n = stage.gap.shape[1]
+    found = {name: np.zeros((n, 3)) for name in start.thetas}
+    for number in np.unique(fold):
+        out: BoolArray = fold == number
+        trained = fit(stage, start.thetas, verdict.sigma, ~out, steps=2)
+        for name, value in values_of(stage, trained.thetas).items():
+            found[name][out] = stage.at_tool(value)[out]
+    return found

@@ -1,0 +1,166 @@
+"""Effects of one stage together: one least squares over all their parameters, relinearised."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray
+from postproc.records import dataclass
+from postproc.trace.effect import PATH_EFFECTS, Part
+from postproc.trace.scene import Stage
+
+STEPS = 6
+"""Most steps of a fit; each is a whole least squares."""
+CLOSE = 1e-4
+"""A step that moves the sum of squares by less than this share is the last."""
+
+Thetas = Mapping[str, FloatArray]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fit:
+    """Parameters by effect at a stage.
+
+    Args:
+        thetas: parameters; deviations: of each under white noise.
+        constants: (m,) mean of each output that no effect makes.
+        squares: (m,) sum of squares of the rest over the rows fitted; count: (m,) of these rows.
+    """
+
+    thetas: dict[str, FloatArray]
+    deviations: dict[str, FloatArray]
+    constants: FloatArray
+    squares: FloatArray
+    count: FloatArray
+
+    @property
+    def free(self) -> int:
+        """Number of free parameters of the effects."""
+        return sum(PATH_EFFECTS.get(name).count(theta) for name, theta in self.thetas.items())
+
+
+def values_of(stage: Stage, thetas: Thetas) -> dict[str, FloatArray]:
+    """Return the value (m, n) of each effect."""
+    return {
+        name: PATH_EFFECTS.get(name).part(stage, theta, False).value
+        for name, theta in thetas.items()
+    }
+
+
+def rest_of(stage: Stage, thetas: Thetas) -> FloatArray:
+    """Return what effects leave (m, n)."""
+    rest = stage.gap
+    for value in values_of(stage, thetas).values():
+        rest = rest - value
+    return rest
+
+
+def fit(
+    stage: Stage,
+    thetas: Thetas,
+    sigma: FloatArray,
+    rows: BoolArray | None = None,
+    steps: int = STEPS,
+) -> Fit:
+    """Return the parameters of least squares, from ``thetas`` on.
+
+    Args:
+        stage: where.
+        thetas: parameters to begin with.
+        sigma: (m,) noise of the outputs.
+        rows: (n,) rows to fit on; None: all whose past is known.
+        steps: most steps.
+    """
+    use = stage.scene.known if rows is None else rows & stage.scene.known
+    good = np.isfinite(stage.gap) & use
+    now = {name: np.array(theta) for name, theta in thetas.items()}
+    best: Fit | None = None
+    for _ in range(steps):
+        parts = {name: PATH_EFFECTS.get(name).part(stage, theta) for name, theta in now.items()}
+        solved = _solved(stage, now, parts, sigma, good)
+        if best is not None and not solved.squares.sum() < np.inf:
+            break
+        moved = {
+            name: PATH_EFFECTS.get(name).moved(theta, solved.thetas[name] - theta)
+            for name, theta in now.items()
+        }
+        last = best
+        best = solved
+        now = moved
+        if last is not None:
+            change = abs(_cost(last, sigma) - _cost(solved, sigma))
+            if change <= CLOSE * _cost(solved, sigma):
+                break
+    rest = rest_of(stage, now)
+    constants = _means(rest, good)
+    squares = np.where(good, (rest - constants[:, None]) ** 2, 0.0).sum(axis=1)
+    deviations = {} if best is None else best.deviations
+    return Fit(now, deviations, constants, squares, good.sum(axis=1).astype(np.float64))
+
+
+def _cost(found: Fit, sigma: FloatArray) -> float:
+    return float(np.sum(found.squares / np.maximum(sigma, 1e-12) ** 2))
+
+
+def _means(rest: FloatArray, good: BoolArray) -> FloatArray:
+    count = np.maximum(good.sum(axis=1), 1)
+    return np.asarray(np.where(good, rest, 0.0).sum(axis=1) / count)
+
+
+def _solved(
+    stage: Stage,
+    thetas: Thetas,
+    parts: Mapping[str, Part],
+    sigma: FloatArray,
+    good: BoolArray,
+) -> Fit:
+    """Return one step of Gauss and Newton, with priors of the usual sizes."""
+    names = list(thetas)
+    firsts = dict(zip(names, np.cumsum([0, *(len(thetas[n]) for n in names)]), strict=False))
+    total = sum(len(thetas[n]) for n in names)
+    m = len(stage.gap)
+    N, g = np.zeros((total + m, total + m)), np.zeros(total + m)
+    rest = stage.gap
+    for part in parts.values():
+        rest = rest - part.value
+    by_output: dict[int, list[tuple[list[int], FloatArray]]] = {}
+    for name in names:
+        for piece in parts[name].pieces:
+            place = [firsts[name] + k for k in piece.index]
+            by_output.setdefault(piece.output, []).append((place, piece.columns))
+    squares = np.zeros(m)
+    for output in range(m):
+        rows = good[output]
+        if not rows.any():
+            continue
+        pieces = by_output.get(output, [])
+        index = [k for place, _ in pieces for k in place] + [total + output]
+        X = np.concatenate([*(c[rows] for _, c in pieces), np.ones((int(rows.sum()), 1))], axis=1)
+        y = rest[output, rows]
+        weight = 1.0 / max(float(sigma[output]), 1e-12) ** 2
+        np.add.at(N, np.ix_(index, index), weight * (X.T @ X))
+        np.add.at(g, index, weight * (X.T @ y))
+        squares[output] = float(np.sum((y - y.mean()) ** 2))
+    theta = np.concatenate([*(thetas[n] for n in names), np.zeros(m)])
+    width = np.concatenate(
+        [*(PATH_EFFECTS.get(n).widths(thetas[n]) for n in names), np.full(m, np.inf)]
+    )
+    touched = N.diagonal() > 0.0
+    N[np.diag_indices_from(N)] += 1.0 / width**2
+    g -= theta / width**2
+    scale = 1.0 / np.sqrt(np.where(touched, N.diagonal(), 1.0))
+    A = N * scale * scale[:, None]
+    A[np.diag_indices_from(A)] = np.where(touched, A.diagonal() + 1e-10, 1.0)
+    g = np.where(touched, g, 0.0)
+    inverse = np.linalg.inv(A)
+    step = scale * (inverse @ (scale * g))
+    deviation = scale * np.sqrt(np.maximum(inverse.diagonal(), 0.0))
+    deviation = np.where(touched, deviation, np.inf)
+    new, spread = {}, {}
+    for name in names:
+        rows = slice(firsts[name], firsts[name] + len(thetas[name]))
+        new[name] = theta[rows] + step[rows]
+        spread[name] = deviation[rows]
+    return Fit(new, spread, step[total:], squares, good.sum(axis=1).astype(np.float64))

@@ -1,0 +1,166 @@
+"""Signals in stretches: derivatives, shifted and filtered copies, reversals, what is white.
+
+Everything is per stretch; nothing reaches over its end. Arrays are (n,) or (n, k) over all rows.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.signal import cont2discrete, lfilter, lfilter_zi
+
+from postproc.arrays import FloatArray
+
+DIFFERENCE = np.array([1.0, -3.0, 3.0, -1.0])
+"""Third difference: blind to slow motion, and to the swing of the arm at 4 ms and less."""
+NORMAL_MAD = 1.4826
+"""Standard deviation of normal numbers over their median size."""
+
+
+class Course:
+    """A signal (n, k) over the time of one stretch, as a smooth function.
+
+    Before its first row and after its last it goes on straight.
+    """
+
+    def __init__(self, time: FloatArray, values: FloatArray) -> None:
+        self.time = time
+        self.spline = CubicSpline(time, values)
+        self._rate = self.spline.derivative()
+        self.ends = tuple((self.spline(t), self._rate(t)) for t in (time[0], time[-1]))
+
+    @cached_property
+    def cycle(self) -> float:
+        """Time between two rows [s]."""
+        return float(np.median(np.diff(self.time)))
+
+    def at(self, time: FloatArray) -> FloatArray:
+        """Return the values (m, k) at times (m,) [s]."""
+        values = np.asarray(self.spline(np.clip(time, self.time[0], self.time[-1])))
+        for outside, edge, (value, rate) in zip(
+            (time < self.time[0], time > self.time[-1]),
+            (self.time[0], self.time[-1]),
+            self.ends,
+            strict=True,
+        ):
+            if outside.any():
+                values[outside] = value + (time[outside] - edge)[:, None] * rate
+        return values
+
+    def rate(self, time: FloatArray) -> FloatArray:
+        """Return the first derivative (m, k), constant beyond the ends."""
+        return np.asarray(self._rate(np.clip(time, self.time[0], self.time[-1])))
+
+    def filtered(self, time_constant: float) -> Course:
+        """Return the signal behind a first-order lag of this time constant [s].
+
+        The stretch counts as having gone on as it begins.
+        """
+        step = self.cycle
+        count = max(4, int(np.ceil((self.time[-1] - self.time[0]) / step)) + 1)
+        time = self.time[0] + step * np.arange(count)
+        values = self.at(time)
+        # exact for a signal that is straight between samples
+        ratio = time_constant / step
+        decay = float(np.exp(-1.0 / ratio))
+        new, old = 1.0 - ratio * (1.0 - decay), ratio * (1.0 - decay) - decay
+        start = values[0] - time_constant * self.ends[0][1]
+        state = decay * start + old * values[0]
+        out, _ = lfilter([new, old], [1.0, -decay], values[1:], axis=0, zi=state[None])
+        return Course(time, np.concatenate([start[None], out]))
+
+
+def swing(time: FloatArray, drive: FloatArray, frequency: float, damping: float) -> FloatArray:
+    """Return how a mode moves (m, k) [m, rad] that its acceleration drives.
+
+    ``y'' + 2 z w y' + w^2 y = -drive``, at rest in the beginning.
+
+    Args:
+        time: (m,) [s] at equal steps.
+        drive: (m, k) acceleration.
+        frequency: natural one [Hz].
+        damping: share of the critical one.
+    """
+    w = 2.0 * np.pi * frequency
+    step = float(time[1] - time[0])
+    system = ([-1.0], [1.0, 2.0 * damping * w, w * w])
+    top, bottom, _ = cont2discrete(system, step, method="foh")  # type: ignore[call-overload]
+    state = lfilter_zi(top[0], bottom)[:, None] * drive[:1]
+    return np.asarray(lfilter(top[0], bottom, drive, axis=0, zi=state)[0])
+
+
+def last_motion(position: FloatArray, dead: float) -> FloatArray:
+    """Return the sign (n,) of the last motion that went back by more than ``dead``; 0 before it.
+
+    A turning point counts from its own row on, not from where ``dead`` was passed; the first
+    motion from where the position leaves its first value.
+    """
+    sign = np.zeros(len(position))
+    extreme, at, now, first = position[0], 0, 0.0, position[0]
+    # only where the slope changes can a motion end: few rows of many
+    slope = np.sign(np.diff(position))
+    turns = np.flatnonzero(np.diff(slope) != 0) + 1
+    for row in [*turns.tolist(), len(position) - 1]:
+        value = position[row]
+        if now == 0.0:
+            if abs(value - first) > dead:
+                now = float(np.sign(value - first))
+                sign[np.flatnonzero(position != first)[0] :] = now
+                extreme, at = value, row
+        elif (value - extreme) * now >= 0.0:
+            extreme, at = value, row
+        elif abs(value - extreme) > dead:
+            now = -now
+            sign[at:] = now
+            extreme, at = value, row
+    return sign
+
+
+def since_change(time: FloatArray, sign: FloatArray) -> FloatArray:
+    """Return the time [s] since the sign (n,) last turned over, inf before it did."""
+    change = np.flatnonzero((sign[1:] * sign[:-1]) < 0.0) + 1
+    since = np.full(len(time), np.inf)
+    for low, high in pairwise([*change.tolist(), len(time)]):
+        since[low:high] = time[low:high] - time[low]
+    return since
+
+
+def white_sigma(values: FloatArray, stretches: list[slice]) -> float:
+    """Return the standard deviation of what differs from row to row without memory.
+
+    Rows that repeat the row before exactly, as at standstill, tell nothing unless all do.
+    """
+    parts = [np.convolve(values[rows], DIFFERENCE, "valid") for rows in stretches]
+    steps = np.concatenate(parts) if parts else np.zeros(0)
+    steps = steps[np.isfinite(steps) & (steps != 0.0)]
+    if not len(steps):
+        return 0.0
+    return float(NORMAL_MAD * np.median(np.abs(steps)) / np.sqrt(np.sum(DIFFERENCE**2)))
+
+
+MEANS = (25, 100, 250)
+"""Rows of the means that tell noise with a memory: 0.1 to 1 s at 4 ms."""
+
+
+def means(values: FloatArray, stretches: list[slice], block: int) -> FloatArray:
+    """Return the means over ``block`` rows of values (n,), none over the end of a stretch."""
+    parts = [np.zeros(0)]
+    for rows in stretches:
+        part = values[rows][np.isfinite(values[rows])]
+        count = len(part) // block
+        parts.append(part[: count * block].reshape(count, block).mean(axis=1))
+    return np.concatenate(parts)
+
+
+def memory(values: FloatArray, stretches: list[slice]) -> float:
+    """Return how many rows are worth one independent row: 1 for white noise."""
+    total = float(np.nanmean(values**2))
+    worth = 1.0
+    for block in MEANS:
+        found = means(values, stretches, block)
+        if len(found) > 1 and total > 0.0:
+            worth = max(worth, float(np.mean(found**2)) * block / total)
+    return worth

@@ -1,0 +1,116 @@
+"""Recordings whose cause is known in closed form: named, with its size; and none where none is."""
+
+import json
+
+import numpy as np
+import pytest
+
+from postproc.cell import load_cell
+from postproc.cli import app
+from postproc.jobs.diagnose_trace import diagnose_trace
+from tests.places import FIXTURES
+from tests.trace.known import command, place, rows, written
+
+CELL = FIXTURES / "drift_campaign" / "cell.toml"
+LAGS = 1e-3 * np.array([12.0, 7.0, 9.0, -4.0, 15.0, 3.0])
+
+
+def behind(t):
+    """Play of 0.02 degrees at A2: the last motion's sign, of a course that turns round at once."""
+    joints = command(t)
+    moved = place(t - 0.05)
+    sign = np.zeros_like(t)
+    step = np.sign(np.round(np.diff(moved, prepend=moved[:1]), 9))
+    for k in range(1, len(t)):
+        sign[k] = step[k] or sign[k - 1]
+    # A2 turns the way of its size
+    joints[:, 1] -= 0.02 * sign
+    return joints
+
+
+def ringing(t):
+    """A1 swings at 11 Hz for good."""
+    joints = command(t)
+    joints[:, 0] += 0.004 * np.sin(2 * np.pi * 11.0 * t + 0.4)
+    return joints
+
+
+CAUSES = {
+    "none": (command, (), "no_gap"),
+    "delay": (lambda t: command(t, 0.0137), ("controller_delay",), "explained"),
+    "lag": (lambda t: command(t, LAGS), ("servo_lag",), "explained"),
+    "play": (behind, ("reversal_error",), "explained"),
+    "ringing": (ringing, ("vibration",), "explained"),
+    "scale": (
+        lambda t: command(t) + [[0, 0.003, 0, 0, 0, 0]] * (command(t) - command(t[:1])),
+        (),
+        "unexplained",
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def told(tmp_path_factory):
+    cell = load_cell(CELL)
+    folder = tmp_path_factory.mktemp("known")
+    documents = {}
+    for name, (actual, _, _) in CAUSES.items():
+        log = written(folder / f"{name}.csv", rows(actual))
+        documents[name] = diagnose_trace(log, cell).document
+    return documents
+
+
+def test_each_cause_is_named_and_nothing_else(told):
+    wrong = []
+    for name, (_, named, verdict) in CAUSES.items():
+        got = (tuple(told[name]["adopted"]), told[name]["verdict"])
+        if got != (named, verdict):
+            wrong.append((name, got))
+        likely = [r["name"] for r in told[name]["effects"] if r["probability"] > 0.5]
+        if set(likely) - set(named):
+            wrong.append((name, "likely", likely))
+    assert wrong == []
+
+
+def parameters(told, name):
+    return told["effects"][0]["parameters"] if told["adopted"] == [name] else {}
+
+
+def test_sizes(told):
+    delay = parameters(told["delay"], "controller_delay")["delay_ms"]
+    assert delay == pytest.approx(13.7, abs=0.05)
+    lag = parameters(told["lag"], "servo_lag")["delay_ms"]
+    assert lag == pytest.approx((1e3 * LAGS).tolist(), abs=0.2)
+    half = parameters(told["play"], "reversal_error")["half_gap_deg"]
+    assert half[1] == pytest.approx(0.02, abs=0.002)
+    assert abs(half[0]) < 1e-4
+    swing = parameters(told["ringing"], "vibration")
+    assert swing["frequency_Hz"] == pytest.approx(11.0, abs=0.05)
+
+
+def test_a_written_model_counts_as_known(tmp_path, capsys):
+    log = str(written(tmp_path / "log.csv", rows(lambda t: command(t, LAGS))))
+    call = ["diagnose", "--trace", log, "--cell", str(CELL), "--quiet", "--json"]
+    assert app.run([*call, "-o", str(tmp_path / "out")]) == 0
+    first = json.loads(capsys.readouterr().out)
+    model = str(tmp_path / "out" / "model.toml")
+    assert (tmp_path / "out" / "report.html").stat().st_size > 10_000
+    assert app.run([*call, "--model", model]) == 0
+    second = json.loads(capsys.readouterr().out)
+    assert first["adopted"] == ["servo_lag"]
+    assert (second["adopted"], second["verdict"], second["known"]) == ([], "no_gap", ["servo_lag"])
+    assert second["gap"]["rms_mm"] < 0.1 * first["gap"]["rms_mm"]
+
+
+@pytest.mark.parametrize(
+    "more", [[], ["--register"], ["--self-check"], ["rows.csv"]], ids=lambda m: " ".join(m)
+)
+def test_calls_that_mean_nothing(more, tmp_path, capsys):
+    table = rows(command)
+    log = str(written(tmp_path / "log.csv", table[:, :7], [*("time_s",), *_commands()]))
+    assert app.run(["diagnose", "--trace", log, "--cell", str(CELL), *more]) == 2
+    assert ("TRC006" if not more else "CLI001") in capsys.readouterr().err
+
+
+def _commands():
+    return [f"q{k}_cmd_deg" for k in range(1, 7)]

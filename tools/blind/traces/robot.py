@@ -1,0 +1,163 @@
+"""A robot that runs a path: planner, joints, recorder. Its own kinematics, integrated in time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tools.blind.chain import Array, Dimensions
+
+FINE = 0.001
+"""Step [s] of the simulation."""
+AHEAD = 0.5
+"""Standstill [s] before and after a run."""
+
+
+def fk(arm: Dimensions, tool: Array, q: Array) -> tuple[Array, Array]:
+    """Return tool points (n, 3) [m] and rotations (n, 3, 3) of joint angles (n, 6) [rad]."""
+    n = len(q)
+    R, p = np.tile(np.eye(3), (n, 1, 1)), np.zeros((n, 3))
+    for k in range(6):
+        turn = _rotation(arm.axis[k], q[:, k])
+        shift = arm.point[k] - turn @ arm.point[k]
+        p = p + np.einsum("nij,nj->ni", R, shift)
+        R = R @ turn
+    end = arm.flange[:3, 3] + arm.flange[:3, :3] @ tool
+    return p + R @ end, R @ arm.flange[:3, :3]
+
+
+def _rotation(axis: Array, angle: Array) -> Array:
+    K = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    s, c = np.sin(angle)[:, None, None], np.cos(angle)[:, None, None]
+    return np.eye(3) + s * K + (1.0 - c) * (K @ K)
+
+
+def jacobian(arm: Dimensions, tool: Array, q: Array) -> Array:
+    """Return (n, 6, 6): point then rotation, by differences."""
+    p0, R0 = fk(arm, tool, q)
+    J, step = np.zeros((len(q), 6, 6)), 1e-6
+    for k in range(6):
+        moved = q.copy()
+        moved[:, k] += step
+        p, R = fk(arm, tool, moved)
+        J[:, :3, k] = (p - p0) / step
+        W = (R @ R0.transpose(0, 2, 1) - np.eye(3)) / step
+        J[:, 3:, k] = np.stack([W[:, 2, 1], W[:, 0, 2], W[:, 1, 0]], axis=1)
+    return J
+
+
+def ik(arm: Dimensions, tool: Array, start: Array, points: Array) -> Array:
+    """Return joint angles (n, 6) at points (n, 3) in the orientation of ``start`` (6,)."""
+    every = max(1, len(points) // 400)
+    knots = np.unique(np.append(np.arange(0, len(points), every), len(points) - 1))
+    R = fk(arm, tool, start[None])[1][0]
+    q = np.empty((len(points), 6))
+    now = start.copy()
+    for at in knots:
+        now = _newton(arm, tool, now[None], R, points[at][None])[0]
+        q[at] = now
+    for k in range(6):
+        q[:, k] = np.interp(np.arange(len(points)), knots, q[knots, k])
+    return _newton(arm, tool, q, R, points)
+
+
+def _newton(arm: Dimensions, tool: Array, q: Array, R: Array, points: Array) -> Array:
+    for _ in range(7):
+        p, now = fk(arm, tool, q)
+        E = R @ now.transpose(0, 2, 1)
+        turn = 0.5 * np.stack(
+            [E[:, 2, 1] - E[:, 1, 2], E[:, 0, 2] - E[:, 2, 0], E[:, 1, 0] - E[:, 0, 1]], axis=1
+        )
+        error = np.concatenate([points - p, turn], axis=1)
+        q = q + np.linalg.solve(jacobian(arm, tool, q), error[..., None])[..., 0]
+    return q
+
+
+@dataclass
+class Path:
+    """A polyline with rounded corners.
+
+    Args:
+        corners: (k, 3) [m]; cdis: where a corner is left [m], 0: exact stop; form of the corner;
+        feed [m/s]; acceleration [m/s^2].
+    """
+
+    corners: Array
+    cdis: float
+    form: str
+    feed: float
+    acceleration: float
+    points: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    limit: Array = field(default_factory=lambda: np.zeros(0))
+
+    def __post_init__(self) -> None:
+        """Lay out the way in steps of 0.1 mm, with the speed that each step allows."""
+        pieces, limits = [], []
+        at = self.corners[0]
+        for k in range(1, len(self.corners)):
+            corner = self.corners[k]
+            last = k == len(self.corners) - 1
+            d = 0.0
+            if not last and self.cdis > 0.0:
+                legs = [np.linalg.norm(self.corners[k + j] - corner) for j in (-1, 1)]
+                d = min(self.cdis, 0.5 * min(legs))
+            u = (corner - self.corners[k - 1]) / np.linalg.norm(corner - self.corners[k - 1])
+            enter = corner - d * u
+            line = _between(at, enter)
+            pieces.append(line)
+            limits.append(np.full(len(line), self.feed))
+            at = enter
+            if d > 0.0:
+                w = (self.corners[k + 1] - corner) / np.linalg.norm(self.corners[k + 1] - corner)
+                bend, radius = _bend(corner, u, w, d, self.form)
+                pieces.append(bend)
+                slow = min(self.feed, np.sqrt(self.acceleration * radius))
+                limits.append(np.full(len(bend), slow))
+                at = corner + d * w
+            else:
+                limits[-1][-1] = 0.0
+        self.points, self.limit = np.concatenate(pieces), np.concatenate(limits)
+
+    def timed(self) -> tuple[Array, Array]:
+        """Return times (n,) at fine steps and points (n, 3), the jerk taken out of the ramps."""
+        step = np.linalg.norm(np.diff(self.points, axis=0), axis=1)
+        v2 = self.limit**2
+        v2[0] = 0.0
+        for order in (range(1, len(v2)), range(len(v2) - 2, -1, -1)):
+            for k in order:
+                other = k - 1 if order.step > 0 else k + 1
+                ds = step[min(k, other)]
+                v2[k] = min(v2[k], v2[other] + 2.0 * self.acceleration * ds)
+        v = np.sqrt(v2)
+        t = np.concatenate([[0.0], np.cumsum(2.0 * step / np.maximum(v[1:] + v[:-1], 1e-4))])
+        way = np.concatenate([[0.0], np.cumsum(step)])
+        time = np.arange(-AHEAD, t[-1] + AHEAD, FINE)
+        s = np.interp(time, t, way)
+        box = np.ones(40) / 40
+        s = np.convolve(np.pad(s, (20, 19), "edge"), box, "valid")
+        points = np.stack([np.interp(s, way, self.points[:, k]) for k in range(3)], axis=1)
+        return time + AHEAD, points
+
+
+def _between(a: Array, b: Array) -> Array:
+    count = max(2, int(np.linalg.norm(b - a) / 1e-4))
+    return a + np.linspace(0.0, 1.0, count)[1:, None] * (b - a)
+
+
+def _bend(corner: Array, u: Array, w: Array, d: float, form: str) -> tuple[Array, float]:
+    """Return points of a rounded corner and its smallest radius."""
+    a, b = corner - d * u, corner + d * w
+    count = max(8, int(2.0 * d / 1e-4))
+    half = 0.5 * np.arccos(np.clip(u @ w, -1, 1))
+    if form == "parabola":
+        t = np.linspace(0.0, 1.0, count)[1:, None]
+        radius = d * np.cos(half) ** 2 / np.sin(half)
+        return (1 - t) ** 2 * a + 2 * t * (1 - t) * corner + t**2 * b, float(max(radius, 1e-5))
+    radius = d / np.tan(half)
+    inward = (w - u) / np.linalg.norm(w - u)
+    centre = corner + inward * radius / np.cos(half)
+    angle = np.linspace(-half, half, count)[1:, None]
+    out = (corner - centre) / np.linalg.norm(corner - centre)
+    along = (u + w) / np.linalg.norm(u + w)
+    return centre + radius * (np.cos(angle) * out + np.sin(angle) * along), float(radius)
