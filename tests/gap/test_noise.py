@@ -116,3 +116,24 @@ def test_repeats_say_how_large_a_wander_may_be(poses, wander):
     assert found.lets(wander * SIGMA, 1500.0)
     if not wander:
         assert not found.lets(1.5 * SIGMA, 1500.0)
+
+
+def test_what_follows_a_column_is_no_noise(poses):
+    """Tools that are each off by something, a pressure that shifts, a shift that turns A1."""
+    rng = np.random.default_rng(11)
+    R, J = poses.frames[:, 6, :3, :3], poses.jacobian
+    n, wrong = len(poses), []
+    tool, pressure = rng.integers(0, 3, n), rng.uniform(5.0, 7.0, n)
+    off = rng.normal(0, 2e-4, (3, 3))
+    cases = {
+        "tool_no": (tool + 1, np.einsum("nij,nj->ni", R, off[tool])),
+        "tool": (np.array(["A", "B", "C"])[tool], np.einsum("nij,nj->ni", R, off[tool])),
+        "pressure": (pressure, np.outer(pressure - 6.0, off[0])),
+        "shift": (np.array(["early", "late"])[tool % 2], 1e-4 * J[:, :, 0] * (tool % 2)[:, None]),
+    }
+    for name, (column, moved) in cases.items():
+        y = rng.normal(0, SIGMA, (n, 3)) + moved
+        found = noise(replace(poses, extra={name: column, "weather": rng.normal(size=n)}), y)
+        if abs(found.sigma / SIGMA - 1.0) > 0.35:
+            wrong.append((name, found.sigma))
+    assert not wrong

@@ -1,6 +1,14 @@
 """The rows of a campaign as the fit sees them, and the arm's model."""
 
-from postproc.gap.data.dataset import COLUMN_NAMES, FADES, Arm, Samples, make_samples, samples_of
+from postproc.gap.data.dataset import (
+    COLUMN_NAMES,
+    FADES,
+    Arm,
+    Samples,
+    column_functions,
+    make_samples,
+    samples_of,
+)
 from postproc.gap.data.loads import (
     carried_torque,
     first_moment_torque,
@@ -18,6 +26,7 @@ __all__ = [
     "Samples",
     "Split",
     "carried_torque",
+    "column_functions",
     "first_moment_torque",
     "load_moment",
     "make_samples",

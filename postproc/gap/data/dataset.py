@@ -7,6 +7,7 @@ from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from postproc.arrays import FloatArray, IntArray, Rows
 from postproc.errors import DataError
@@ -256,3 +257,27 @@ def _geometry(arm: Arm, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArr
     flange = np.asarray(kin.fk(q))
     axes = np.asarray(kin.jacobian(q))[:, 3:, :]
     return frames, flange, axes
+
+
+def column_functions(values: ArrayLike) -> FloatArray:
+    """Return smooth functions (n, k) of a logged column, k = 0 where it says nothing.
+
+    Polynomials of numbers, one function for each of few labels.
+    """
+    array = np.asarray(values)
+    nothing = np.zeros((len(array), 0))
+    if array.dtype.kind in "fiu":
+        numbers = array.astype(np.float64)
+        seen = np.isfinite(numbers)
+        if seen.sum() < 10 or np.ptp(numbers[seen]) == 0.0:
+            return nothing
+        numbers = np.where(seen, numbers, np.median(numbers[seen]))
+        ranks = np.argsort(np.argsort(numbers)) / max(len(numbers) - 1, 1)
+        scaled = (numbers - np.min(numbers)) / np.ptp(numbers)
+        x = 2.0 * (0.5 * scaled + 0.5 * ranks) - 1.0
+        return np.asarray(np.polynomial.legendre.legvander(x, 3)[:, 1:], dtype=np.float64)
+    labels, index = np.unique(array, return_inverse=True)
+    if not 2 <= len(labels) <= min(12, len(array) // 8):
+        return nothing
+    functions = np.eye(len(labels))[index][:, 1:]
+    return np.asarray(functions - functions.mean(axis=0))

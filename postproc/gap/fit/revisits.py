@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
-from postproc.gap.data import Samples
+from postproc.gap.data import Samples, column_functions
 from postproc.measurement import robust_sigma
 from postproc.records import dataclass
 from postproc.units import DEG
@@ -100,8 +100,8 @@ def revisits(samples: Samples, y: FloatArray, usable: BoolArray, unit: IntArray)
     Readings from the same side, under the same load and at the same speed count alone where there
     are enough of them: nothing but the temperature has to be regressed out. Readings under
     different loads are no repeats at all: how a pose gives under a load is what is sought. What
-    earlier loads have left is regressed out where that clearly explains the scatter: it looks like
-    a drift of the measuring device.
+    earlier loads have left, and what follows a column that no effect knows, is regressed out where
+    that clearly explains the scatter: it looks like a drift of the measuring device, or like noise.
 
     Args:
         samples: rows.
@@ -109,12 +109,21 @@ def revisits(samples: Samples, y: FloatArray, usable: BoolArray, unit: IntArray)
         usable: (n,) rows that are no faults.
         unit: (n,) set-up of the measuring device: rows of others are no repeats.
     """
-    plain = _revisits(replace(samples, past=None), y, usable, unit)
-    if samples.past is None or not np.any(samples.past):
-        return plain
-    held = _revisits(samples, y, usable, unit)
-    scatter = [np.hypot(found.white, found.wander) for found in (held, plain)]
-    return held if scatter[0] < _CLEARLY * scatter[1] else plain
+    bare = replace(samples, past=None, extra={})
+    found = _revisits(bare, y, usable, unit)
+    more = [replace(bare, past=samples.past)] if _is_any(samples.past) else []
+    more += [replace(bare, extra={name: column}) for name, column in samples.extra.items()]
+    for richer in more:
+        held = _revisits(richer, y, usable, unit)
+        if not held.sufficient:
+            continue
+        scatter = [np.hypot(r.white, r.wander) for r in (held, found)]
+        found = held if scatter[0] < _CLEARLY * scatter[1] else found
+    return found
+
+
+def _is_any(values: FloatArray | None) -> bool:
+    return values is not None and bool(np.any(values))
 
 
 def _revisits(samples: Samples, y: FloatArray, usable: BoolArray, unit: IntArray) -> Revisits:
@@ -232,6 +241,9 @@ def _conditions(samples: Samples) -> FloatArray:
         parts += [J * past[:, k, None, :] for k in range(past.shape[1])]
     if samples.qd is not None:
         parts.append(J * (0.01 * samples.qd / _USUAL)[:, None, :])
+    shift = np.concatenate([np.tile(np.eye(3), (len(J), 1, 1)), samples.frames[:, 6, :3, :3], J], 2)
+    for values in samples.extra.values():
+        parts += [shift * of[:, None, None] for of in column_functions(values).T]
     whole = np.concatenate(parts, axis=2) if parts else np.zeros((len(J), 3, 0))
     return np.asarray(whole[:, :, np.any(whole != 0.0, axis=(0, 1))])
 

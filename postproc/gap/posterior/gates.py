@@ -46,7 +46,7 @@ INEXACT = 0.04
 OUTWEIGHS = 2.0
 """Unique part of a name over what nothing explains, from which the name holds beside it."""
 _CALM = 1.0 / 3.0
-"""The same as ``STRUCTURE`` for a "no gap" while a column logged tells something."""
+"""The same of the part that a logged column surely tells, whatever the size of the names."""
 _SURE_TEST = 1e-3
 _F_RATIO, _DEVICE_RATIO, _DEVICE = 1.35, 2.0, 40
 """Variance of the rest over that of repeats, of an instrument, from which it is more than noise,
@@ -114,6 +114,13 @@ class Judged:
         return left_out(search.equations, held, label)
 
     @property
+    def told(self) -> tuple[str, ...]:
+        """Columns that were logged and surely tell a part of what is left that counts."""
+        sure = _SURE_TEST / max(len(self.tests), 1)
+        some = (t for t in self.tests if t.logged and t.p_value < sure)
+        return tuple(t.name for t in some if t.rms > _CALM * self.sigma)
+
+    @property
     def verdict(self) -> str:
         """``explained``, ``no_gap``, ``unexplained`` or ``undetermined``."""
         level = self.posterior.level
@@ -121,7 +128,7 @@ class Judged:
         if not level.known:
             most = max(limit, _BEYOND * level.upper)
             return "unexplained" if self.structure > most else "undetermined"
-        if self.resembled or self.structure > limit:
+        if self.resembled or self.structure > limit or self.told:
             return "unexplained"
         if level.is_doubted:
             return "undetermined"
@@ -214,8 +221,6 @@ def _left(
         float(np.sqrt(sum(p.rms**2 for p in parts))),
         beyond,
     )
-    if not adopted and structure > _CALM * noise and _is_told(noise, tests):
-        structure = max(structure, 1.01 * STRUCTURE * noise)
     return Judged(
         of,
         whole,
@@ -230,12 +235,6 @@ def _left(
         noise,
         {},
     )
-
-
-def _is_told(sigma: float, tests: Sequence[Dependence]) -> bool:
-    """Return whether a column that was logged surely tells a third of the noise."""
-    limit = _SURE_TEST / max(len(tests), 1)
-    return any(t.p_value < limit and t.rms > _CALM * sigma for t in tests)
 
 
 def _rms(moved: FloatArray) -> float:

@@ -6,14 +6,13 @@ or as a turn of a joint, and compares with the same residual under random permut
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from math import erfc, sqrt
-from typing import Any
 
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, Rows
-from postproc.gap.data import Samples
+from postproc.gap.data import Samples, column_functions
 from postproc.gap.fit import Projection
 from postproc.records import dataclass
 
@@ -26,11 +25,13 @@ class Dependence:
     """One test: name of the condition, p-value, and how much of the residual follows it [m].
 
     ``rms`` is the 3D root mean square of the part that follows the condition beyond chance.
+    ``logged``: a column of the file beside the pose.
     """
 
     name: str
     p_value: float
     rms: float
+    logged: bool = False
 
 
 def dependences(
@@ -50,20 +51,17 @@ def dependences(
     use = weight > 0
     rng = np.random.default_rng(_SEED)
     permutations = [rng.permutation(int(use.sum())) for _ in range(_PERMUTATIONS)]
-    found = []
-    for name, functions in conditions(samples).items():
+    found, poses = [], _of_pose(samples)
+    for name, functions in (poses | _of_columns(samples)).items():
         test = _test(samples, residual, weight, context, functions, permutations)
         if test is not None:
-            found.append(Dependence(name, *test))
+            found.append(Dependence(name, *test, name not in poses))
     found.append(_neighbours(samples, residual, use, permutations))
     return tuple(sorted(found, key=lambda d: (d.p_value, -d.rms, d.name)))
 
 
-def conditions(samples: Samples) -> Mapping[str, FloatArray]:
-    """Return functions (n, k, 3 or 6-joint form) of every logged condition by name.
-
-    A condition gives (n, k) smooth functions; per-joint columns give one function a joint.
-    """
+def _of_pose(samples: Samples) -> dict[str, FloatArray]:
+    """Return functions (n, k) of the pose by name."""
     found: dict[str, FloatArray] = {}
     for i in range(6):
         q = samples.q[:, i]
@@ -73,6 +71,12 @@ def conditions(samples: Samples) -> Mapping[str, FloatArray]:
             )
     place = (samples.point - samples.point.mean(axis=0)) / (np.std(samples.point) + 1e-9)
     found["position"] = np.column_stack([place, place**2, place[:, :1] * place[:, 1:]])
+    return found
+
+
+def _of_columns(samples: Samples) -> dict[str, FloatArray]:
+    """Return functions (n, k) of each column that was logged; per-joint ones give one a joint."""
+    found: dict[str, FloatArray] = {}
     if samples.direction is not None and np.any(samples.direction):
         found["approach"] = samples.direction
     if samples.qd is not None and np.any(samples.qd):
@@ -84,34 +88,9 @@ def conditions(samples: Samples) -> Mapping[str, FloatArray]:
         found["load"] = np.column_stack([force, force * size / scale, size]) / scale
     for name, values in (("time", samples.course), ("temperature", samples.temperature)):
         if values is not None and np.ptp(values) > 0:
-            found[name] = _polynomials(values)
-    for name, values in samples.extra.items():
-        functions = _extra(values)
-        if functions is not None:
-            found[name] = functions
-    return found
-
-
-def _polynomials(values: FloatArray, degree: int = 3) -> FloatArray:
-    ranks = np.argsort(np.argsort(values)) / max(len(values) - 1, 1)
-    scaled = (values - np.min(values)) / np.ptp(values)
-    x = 2.0 * (0.5 * scaled + 0.5 * ranks) - 1.0
-    return np.asarray(np.polynomial.legendre.legvander(x, degree)[:, 1:], dtype=np.float64)
-
-
-def _extra(values: Any) -> FloatArray | None:  # noqa: ANN401 - numbers or labels
-    array = np.asarray(values)
-    if array.dtype.kind in "fiu":
-        numbers = array.astype(np.float64)
-        seen = np.isfinite(numbers)
-        if seen.sum() < 10 or np.ptp(numbers[seen]) == 0.0:
-            return None
-        return _polynomials(np.where(seen, numbers, np.median(numbers[seen])))
-    labels, index = np.unique(array, return_inverse=True)
-    if not 2 <= len(labels) <= min(12, len(array) // 8):
-        return None
-    functions = np.eye(len(labels))[index][:, 1:]
-    return np.asarray(functions - functions.mean(axis=0))
+            found[name] = column_functions(values)
+    extra = {name: column_functions(values) for name, values in samples.extra.items()}
+    return found | {name: functions for name, functions in extra.items() if functions.size}
 
 
 def _test(
