@@ -94,10 +94,11 @@ def compensate(plan: Plan, cell: Cell, model: str | ModelFile) -> Plan:
     commanded = _shifted(plan, cell, arm.kinematics, rows, solved)
     unsettled = np.zeros(len(plan))
     sides: Sides | None = None
+    told: dict[str, FloatArray] = {}
     for _ in range(RUNS if follows else 0):
         sides, qd = _followed(commanded, cell, arm, rows, sides)
-        before = solved
-        solved = _solved(arm, rows, {"direction": sides.arriving, "qd": qd}, file)
+        before, told = solved, {"direction": sides.arriving, "qd": qd}
+        solved = _solved(arm, rows, told, file)
         commanded = _shifted(plan, cell, arm.kinematics, rows, solved)
         unsettled = np.linalg.norm(solved.shift - before.shift, axis=1)[: len(plan)]
         if float(unsettled.max(initial=0.0)) < SETTLED:
@@ -108,6 +109,7 @@ def compensate(plan: Plan, cell: Cell, model: str | ModelFile) -> Plan:
         *_left_out(arm.model, file),
         *_far(plan, file),
     ]
+    commanded = _doubted(commanded, arm, rows, told)
     if sides is not None:
         commanded = _crossing(commanded, plan, cell, arm, rows, sides, file)
     return replace(
@@ -382,13 +384,38 @@ def _left_out(model: RobotModel, file: ModelFile) -> list[Finding]:
     ]
 
 
+def _doubted(plan: Plan, arm: RealArm, rows: _Rows, conditions: Mapping[str, FloatArray]) -> Plan:
+    """Return the plan with how sure the real point of each move is, where the model knows."""
+    if arm.model.reach is None:
+        return plan
+    m = len(plan)
+    radius, inside = np.full(m, np.nan), np.zeros(m, dtype=np.int32)
+    process = (rows.process * rows.working[:, None])[:m]
+    for tool in np.unique(rows.tool[:m]).tolist():
+        own = np.flatnonzero(rows.tool[:m] == tool)
+        q = np.asarray(plan.q)[own]
+        here = {name: values[own] for name, values in conditions.items()}
+        model = arm.models[tool]
+        samples = model.samples(q, arm.wrench(q, process[own], tool), here)
+        size, reached = model.certain(samples)
+        if size is not None and reached is not None:
+            radius[own], inside[own] = size, reached
+    return replace(plan, compensation_u95=radius, compensation_inside=inside)
+
+
 def _far(plan: Plan, file: ModelFile) -> list[Finding]:
-    """Return a finding for working moves in poses that the stiffness field knows nothing of."""
+    """Return a finding for working moves in poses that the model knows nothing of."""
     field = stiffness_of(file)
     working = np.flatnonzero(np.isin(plan.role, WORKING))
-    if not isinstance(field, ContinuousField) or not len(working):
+    if not len(working):
         return []
-    far = working[field.extrapolation(np.asarray(plan.q)[working]) > FAR]
+    q = np.asarray(plan.q)[working]
+    is_far = np.zeros(len(q), dtype=np.bool_)
+    if isinstance(field, ContinuousField):
+        is_far |= field.extrapolation(q) > FAR
+    if file.reach is not None:
+        is_far |= file.reach.share(q) < 1.0
+    far = working[is_far]
     if not len(far):
         return []
     return [
@@ -396,7 +423,7 @@ def _far(plan: Plan, file: ModelFile) -> list[Finding]:
             Severity.WARNING,
             "CMP005",
             f"{len(far)} of {len(working)} working moves are in poses far from all that was "
-            "measured: stiffness and shift are guesses there",
+            "measured: stiffness is a guess there, the shift a part of what the model says",
             int(plan.tag[far[0]]),
             plan.toolpath.source(int(plan.tag[far[0]])),
             hint="measure in the branch and the turns of A4 and A6 that the program takes",

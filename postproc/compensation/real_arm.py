@@ -117,8 +117,20 @@ def real_point(
     """Return the real tool point (n, 3) [m], robroot, as it counts for the part.
 
     An arm that is late is on the same path a moment later. What lateness (``qd`` in the
-    conditions) moves along the tool's way is therefore left out; across the way it counts.
+    conditions) moves along the tool's way is therefore left out; across the way it counts. Outside
+    of what was measured the model is believed less and less.
     """
+    point = _acting(model, q, wrench, conditions)
+    if model.reach is None:
+        return point
+    nominal = model.nominal(q)
+    return np.asarray(nominal + model.reach.share(q)[:, None] * (point - nominal))
+
+
+def _acting(
+    model: RobotModel, q: FloatArray, wrench: FloatArray, conditions: Mapping[str, Any] | None
+) -> FloatArray:
+    """Return the point (n, 3) where the model has it, lateness aside."""
     conditions = dict(conditions or {})
     point = model.tool_point(q, wrench, conditions)
     qd = conditions.pop("qd", None)

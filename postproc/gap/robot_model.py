@@ -7,20 +7,20 @@ the joints is put in equilibrium with the pose that results, by fixed point.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from postproc.arrays import FloatArray
+from postproc.arrays import BoolArray, FloatArray
 from postproc.cell import Cell
 from postproc.errors import DataError
 from postproc.gap.data import Arm, Samples, make_samples, reference_of
-from postproc.gap.effect import EFFECTS, Basis, Effect, State
+from postproc.gap.effect import EFFECTS, Basis, Effect, Setting, State
 from postproc.geometry import apply, inverse, rotation_from_vector
 from postproc.kinematics import Kinematics
 from postproc.measurement import tool_points
-from postproc.model import ModelFile, Registration
+from postproc.model import ModelFile, Reach, Registration
 from postproc.records import dataclass
 
 _FIXED_POINT_STEPS = 8
@@ -156,6 +156,47 @@ def _moved_point(samples: Samples, link: FloatArray) -> FloatArray:
     return p
 
 
+def spread_of(
+    spread: Mapping[str, FloatArray],
+    samples: Samples,
+    states: States,
+    settings: Mapping[str, Setting] | None = None,
+    again: Iterable[str] = (),
+) -> FloatArray:
+    """Return the 3D standard deviations (n,) [m] of points that wrong numbers leave open.
+
+    Args:
+        spread: by effect, as in a reach; what cannot act on these rows does not count.
+        samples: rows at the commanded angles.
+        states: of all effects that act.
+        settings: of effects that are not in the states.
+        again: effects that are fitted anew on these rows, and take in what they can.
+    """
+    actual = evaluate(samples, states)[1]
+
+    def moving(name: str) -> tuple[FloatArray, FloatArray]:
+        effect = effect_of(name)
+        known = states[name].setting if name in states else (settings or {}).get(name)
+        setting = effect.prepare(samples) if known is None else known
+        sizes = np.array([p.typical for p in effect.parameters(samples.arm, setting)])
+        return columns(actual, effect.basis(actual, setting)), sizes
+
+    count = max((len(part) for part in spread.values()), default=0)
+    moved = np.zeros((count, len(samples), 3))
+    for name, part in spread.items():
+        if not all(samples.has(column) for column in effect_of(name).needs):
+            continue
+        X, sizes = moving(name)
+        if X.shape[2] == part.shape[1]:
+            moved += np.einsum("nap,dp->dna", X, part * sizes, optimize=True)
+    flat = moved.reshape(count, 3 * len(samples))
+    frames = [moving(name)[0] for name in again]
+    if frames and count:
+        A = np.concatenate(frames, axis=2).reshape(3 * len(samples), -1)
+        flat = flat - (A @ np.linalg.lstsq(A, flat.T, rcond=None)[0]).T
+    return np.asarray(np.sqrt(np.sum(flat.reshape(moved.shape) ** 2, axis=(0, 2))))
+
+
 @dataclass(frozen=True, slots=True)
 class RobotModel:
     """What the simulation knows of one robot: its cell and the effects of a model file."""
@@ -163,6 +204,7 @@ class RobotModel:
     arm: Arm
     states: States
     registration: Registration | None = None
+    reach: Reach | None = None
 
     @classmethod
     def of(
@@ -188,7 +230,7 @@ class RobotModel:
         states = {}
         for name in model.effects if model else ():
             states[name] = _effect_in(model, name).read(model, arm) if model else State(np.zeros(0))
-        return cls(arm, states, registration)
+        return cls(arm, states, registration, model.reach if model else None)
 
     def samples(
         self,
@@ -231,6 +273,24 @@ class RobotModel:
     def usable(self, samples: Samples) -> States:
         """Return the effects whose columns are there."""
         return {n: s for n, s in self.states.items() if n not in self.missing(samples)}
+
+    def certain(
+        self, samples: Samples, again: Iterable[str] = ()
+    ) -> tuple[FloatArray | None, BoolArray | None]:
+        """Return the radii (n,) [m] that hold the points with 95 %, and where the model reaches.
+
+        Nothing where it does not say. It reaches nowhere where a column is missing that one of its
+        effects needs.
+
+        Args:
+            samples: rows at the commanded angles.
+            again: effects of the frames that are fitted anew on these rows.
+        """
+        if self.reach is None:
+            return None, None
+        spread = spread_of(self.reach.spread, samples, self.usable(samples), None, again)
+        inside = self.reach.holds(samples.q, samples.wrench) & (not self.missing(samples))
+        return self.reach.radius(spread), inside
 
     def missing(self, samples: Samples) -> tuple[str, ...]:
         """Return the effects that need a column which was not logged."""

@@ -474,7 +474,29 @@ def _compensation(conversion: Conversion) -> dict[str, Any] | None:
         "note": conversion.plan.compensation_note,
         "max_shift_mm": round(largest / MM, 6),
         **({} if expected is None else expected.to_dict()),
+        **_doubt(conversion.plan),
     }
+
+
+def _doubt(plan: Plan) -> dict[str, Any]:
+    """Return how sure the compensated point of each tag is, where the model says."""
+    radius, inside = plan.compensation_u95, plan.compensation_inside
+    if radius is None or inside is None:
+        return {}
+    tags = np.asarray(plan.tag)
+    rows = []
+    for tag in np.unique(tags[tags >= 0]).tolist():
+        own = np.flatnonzero(tags == tag)
+        worst = own[np.argmax(radius[own])]
+        rows.append(
+            {
+                "tag": int(tag),
+                "name": plan.toolpath.tag_name(tag),
+                "compensation_u95_mm": round(float(radius[worst]) / MM, 6),
+                "inside": bool(np.all(inside[own])),
+            }
+        )
+    return {"tags": rows}
 
 
 def land(

@@ -2,6 +2,7 @@
 
 from postproc.model.modelfile import ModelFile, Registration, entry, load_model, save_model
 from postproc.model.plan import BLEND_SHARE, LEAST_BLEND, MoveKind, MoveRole, Plan
+from postproc.model.reach import Reach
 from postproc.model.toolpath import (
     CUTS,
     ORIENT,
@@ -39,6 +40,7 @@ __all__ = [
     "MoveRole",
     "Operation",
     "Plan",
+    "Reach",
     "Registration",
     "ToolPath",
     "WordClass",

@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike
 from postproc.arrays import FloatArray, frozen_floats
 from postproc.errors import DataError, SourceRef
 from postproc.geometry import kuka_from_transform, transform_from_kuka
+from postproc.model.reach import Reach
 from postproc.records import dataclass
 from postproc.registry import part_names
 from postproc.toml import TomlText, load_toml, toml_key, toml_table, toml_value
@@ -94,7 +95,7 @@ class ModelFile:
 
     ``text`` is where it came from (None when made by a program); ``source`` points into it.
     ``has_tool_weight``: the effects are those of the arm with its tool on and no weight of the tool
-    among the loads; whatever that weight does, they have it.
+    among the loads; whatever that weight does, they have it. ``reach``: how sure it is, and where.
     """
 
     effects: Mapping[str, Table] = field(default_factory=dict)
@@ -102,6 +103,7 @@ class ModelFile:
     notes: tuple[str, ...] = ()
     text: TomlText | None = field(default=None, compare=False, repr=False)
     has_tool_weight: bool = False
+    reach: Reach | None = None
 
     @property
     def path(self) -> str:
@@ -208,7 +210,7 @@ def load_model(path: str | Path) -> ModelFile:
         ReadError: IO001, IO002.
     """
     text = load_toml(path, DataError, "MOD001")
-    _check_keys(text, (), ("schema", "effects", "registration", "notes", _TOOL_WEIGHT))
+    _check_keys(text, (), ("schema", "effects", "registration", "notes", "reach", _TOOL_WEIGHT))
     if text.data.get("schema") != SCHEMA:
         raise DataError(
             "MOD002",
@@ -219,7 +221,8 @@ def load_model(path: str | Path) -> ModelFile:
     if not isinstance(has_tool_weight, bool):
         place = text.source((_TOOL_WEIGHT,))
         raise DataError("MOD006", f"{_TOOL_WEIGHT}: expected true or false", place)
-    return ModelFile(_effects(text), _registration(text), _notes(text), text, has_tool_weight)
+    parts = _effects(text), _registration(text), _notes(text), text, has_tool_weight
+    return ModelFile(*parts, _reach(text))
 
 
 def save_model(model: ModelFile) -> bytes:
@@ -243,6 +246,10 @@ def save_model(model: ModelFile) -> bytes:
         for name, p in model.registration.reflectors.items():
             head = f"[registration.reflectors.{toml_key(name)}]"
             lines += ["", head, *toml_table(_point_table(p))]
+    if model.reach is not None:
+        table = model.reach.table()
+        spread = toml_table(table.pop("spread"))
+        lines += ["", "[reach]", *toml_table(table), "", "[reach.spread]", *spread]
     return ("\n".join(lines) + "\n").encode()
 
 
@@ -258,6 +265,20 @@ def _effects(text: TomlText) -> dict[str, dict[str, Any]]:
         if not isinstance(table, dict):
             raise DataError("MOD006", f"effects.{name} must be a table", place)
     return {name: dict(table) for name, table in tables.items()}
+
+
+def _reach(text: TomlText) -> Reach | None:
+    if "reach" not in text.data:
+        return None
+    try:
+        return Reach.read(text.data["reach"])
+    except (KeyError, ValueError, TypeError) as wrong:
+        key = str(wrong.args[0]) if isinstance(wrong, KeyError | ValueError) else ""
+        raise DataError(
+            "MOD006",
+            f"reach.{key}: expected the numbers that diagnose writes",
+            text.source(("reach", key)),
+        ) from None
 
 
 def _notes(text: TomlText) -> tuple[str, ...]:

@@ -88,6 +88,8 @@ class Plan:
             tags that have one; off_axis: (n,) [rad] by which the tool is turned there; None: none.
         events: (move index before which it happens, event).
         compensation: (m, 3) shift applied to the commanded position [m], workpiece frame, or None.
+        compensation_u95: (m,) radius [m] that holds the real point with 95 %;
+            compensation_inside: (m,) 1 where the model's campaign reached; None: nobody knows.
         findings: findings; any error among them forbids a program.
         settings: options as used, for the record; timing: seconds per stage.
     """
@@ -120,6 +122,10 @@ class Plan:
     base: IntArray | None = field(default=None, metadata=column("move", dtype=np.int32))
     orientation_speed: FloatArray | None = field(default=None, metadata=column("move"))
     compensation: FloatArray | None = field(default=None, metadata=column("move", 3))
+    compensation_u95: FloatArray | None = field(default=None, metadata=column("move"))
+    compensation_inside: IntArray | None = field(
+        default=None, metadata=column("move", dtype=np.int32)
+    )
     compensation_note: str = ""
     findings: tuple[Finding, ...] = ()
     settings: Mapping[str, object] = field(default_factory=dict)

@@ -14,6 +14,7 @@ from postproc.jobs.convert import ConvertRequest, convert, read_toolpath
 from postproc.jobs.verify import verify
 from postproc.kinematics import build
 from postproc.model.modelfile import ModelFile, load_model, save_model
+from postproc.model.reach import Reach
 from postproc.stiffness.identify.cases import load_cases
 from postproc.stiffness.identify.constant import fit_constant
 from postproc.stiffness.identify.continuous import fit_continuous
@@ -473,3 +474,41 @@ def test_a_compensated_line_behind_a_hole_is_no_cut_too_many(tmp_path, run):
     words = ["--cell", fixture / "cell.toml", "--model", fixture / "model.toml"]
     code, _, err = run("convert", tmp_path / "far.apt", *words, "-o", tmp_path / "out", "--json")
     assert code == 0, err
+
+
+def test_compensation_fades_where_nothing_was_measured(job):
+    """A campaign about the holes, about the first of them, and on the other side of the arm."""
+    q = np.asarray(convert_q(job("holes.csv", HOLES)[0]))
+    about = {
+        "all": np.concatenate([q - 0.2, q + 0.2]),
+        "first": np.concatenate([q[:1] - 0.02, q[:1] + 0.03]),
+        "none": np.concatenate([q + 1.5, q + 2.0]),
+    }
+    shift, inside, told = {}, {}, {}
+    for name, poses in about.items():
+        reach = Reach.around(poses, 1500.0, 3e-5, 2.0, {"joint_offset": 0.01 * np.eye(6)})
+        text = save_model(
+            ModelFile({"joint_offset": {"offset_deg": [0.0, 0.02] + [0.0] * 4}}, reach=reach)
+        )
+        _, _, document, err = job("holes.csv", HOLES, text.decode())
+        tags = document["compensation"]["tags"]
+        assert [row["tag"] for row in tags] == list(range(8))
+        shift[name] = document["compensation"]["max_shift_mm"]
+        inside[name] = [row["inside"] for row in tags]
+        told[name] = "CMP005" in err
+        radius = [row["compensation_u95_mm"] for row in tags]
+        assert min(radius) >= 0.06  # twice what rows left out were missed by
+        assert max(radius) < 0.2
+    assert all(inside["all"])
+    assert inside["first"][0]
+    assert not any(inside["none"])
+    assert not all(inside["first"])
+    assert shift["all"] > 0.2
+    assert shift["none"] == 0.0
+    assert told == {"all": False, "first": True, "none": True}
+
+
+def convert_q(source):
+    """Return the joint angles (m, 6) [rad] of the moves that work, not compensated."""
+    plan = convert(ConvertRequest(str(source), str(source.parent / "cell.toml"))).plan
+    return np.asarray(plan.q)[np.asarray(plan.tag) >= 0]

@@ -26,7 +26,13 @@ Example:
     is_flag=True,
     help="Fit the measured frame and the reflector anew on these rows; keep the effects.",
 )
-@click.option("-o", "--output", required=True, metavar="OUT.csv", help="id,x_mm,y_mm,z_mm.")
+@click.option(
+    "-o",
+    "--output",
+    required=True,
+    metavar="OUT.csv",
+    help="id,x_mm,y_mm,z_mm; with --model u95_mm,inside.",
+)
 @standard_options
 def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
     """Write the tool point that the model expects for each row of a measurement file.

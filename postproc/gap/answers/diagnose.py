@@ -33,7 +33,8 @@ class Diagnosis:
     (k, 2) the same of each row kept [m]; sealed:
     the same two of the sealed rows, NaN without such; extra: for each effect not adopted the 3D
     rms [m] on places left out, without and with it; deviation: standard deviations (p,) of each
-    adopted effect's numbers; suspects: (n,) rows far off that follow something logged: no faults.
+    adopted effect's numbers; suspects: (n,) rows far off that follow something logged: no faults;
+    spread: by effect (d, p), how the numbers may be wrong together in usual sizes.
     """
 
     problem: Problem
@@ -54,6 +55,7 @@ class Diagnosis:
     extra: dict[str, tuple[float, float]]
     unexplained: tuple[Part, ...]
     ripple: tuple[Wave, ...]
+    spread: dict[str, FloatArray]
 
     @property
     def level(self) -> Noise:
@@ -133,6 +135,7 @@ def diagnose(problem: Problem, progress: Progress | None = None) -> Diagnosis:
         extra=_extra(found),
         unexplained=() if verdict in ("explained", "no_gap") else rest,
         ripple=_ripple(found) if verdict == "unexplained" else (),
+        spread=last.spread(problem.split.fold),
     )
 
 

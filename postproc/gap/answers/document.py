@@ -10,6 +10,7 @@ import numpy as np
 
 from postproc.cell import Tool
 from postproc.gap.answers.along import Along, program
+from postproc.gap.answers.certainty import reach_of
 from postproc.gap.answers.diagnose import Diagnosis
 from postproc.gap.answers.kept import Kept
 from postproc.gap.answers.next_pose import NextPose
@@ -186,6 +187,7 @@ def model_file(
         given.notes if given else (),
         has_tool_weight=(given is not None and given.has_tool_weight)
         or (tool is not None and not _logs_weight(diagnosis.problem.samples, tool)),
+        reach=reach_of(diagnosis),
     )
 
 

@@ -7,10 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from postproc.arrays import FloatArray
+from postproc.arrays import BoolArray, FloatArray
 from postproc.cell import Cell
 from postproc.errors import SourceRef
 from postproc.gap.data import samples_of
+from postproc.gap.effect import registration_effects
 from postproc.gap.fit import register_loaded, seen_in
 from postproc.gap.robot_model import RobotModel, evaluate
 from postproc.geometry import apply
@@ -34,13 +35,16 @@ class Prediction:
 
     points (n, 3) [m] in the frame of the measurement; missing: effects left out; rms: misfit of
     what each row read, unknown origins and planes fitted [m]; remarks: what was wrong in the rows
-    and was worked around.
+    and was worked around; radius: (n,) [m] of the spheres that hold the points with 95 %, inside:
+    (n,) whether the campaign reached there: both where the model knows.
     """
 
     points: FloatArray
     missing: tuple[str, ...]
     rms: float
     remarks: tuple[Remark, ...] = ()
+    radius: FloatArray | None = None
+    inside: BoolArray | None = None
 
     def csv(self, ids: Sequence[str]) -> bytes:
         """Return the points as CSV text.
@@ -49,12 +53,17 @@ class Prediction:
             ids: names of the rows.
 
         Returns:
-            UTF-8 with the header ``id,x_mm,y_mm,z_mm``.
+            UTF-8 with the header ``id,x_mm,y_mm,z_mm``, and ``u95_mm,inside`` where they are known.
         """
-        lines = ["id,x_mm,y_mm,z_mm"]
-        for name, point in zip(ids, self.points / MM, strict=True):
-            x, y, z = (f"{value:.6f}" for value in point)
-            lines.append(f"{_quoted(name)},{x},{y},{z}")
+        table = {f"{axis}_mm": self.points[:, k] / MM for k, axis in enumerate("xyz")}
+        if self.radius is not None:
+            table["u95_mm"] = self.radius / MM
+        cells = [[f"{value:.6f}" for value in column] for column in table.values()]
+        if self.inside is not None:
+            table["inside"] = self.inside
+            cells.append([f"{value:d}" for value in self.inside])
+        lines = [",".join(["id", *table])]
+        lines += [",".join(row) for row in zip(map(_quoted, ids), *cells, strict=True)]
         return ("\n".join(lines) + "\n").encode()
 
 
@@ -100,7 +109,9 @@ def predict(
     readings = readings_of(measurements)
     miss = readings.by_row(points, readings.start(points))
     rms = float(np.sqrt(np.mean(miss**2)))
-    return Prediction(points, robot.missing(samples), rms, measurements.remarks)
+    again = registration_effects() if registered else ()
+    radius, inside = robot.certain(samples, again)
+    return Prediction(points, robot.missing(samples), rms, measurements.remarks, radius, inside)
 
 
 def _quoted(name: str) -> str:

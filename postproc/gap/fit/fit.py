@@ -104,6 +104,25 @@ def unit_root(effect: Effect, arm: Arm, setting: Setting) -> FloatArray:
     return np.asarray(np.diag(typical) if root is None else typical[:, None] * root)
 
 
+def left_open(
+    samples: Samples, states: States, free: Mapping[str, Free], weight: FloatArray
+) -> tuple[FloatArray, dict[str, slice], FloatArray]:
+    """Return what rows leave open of effects at some states: covariance, slices, usual sizes.
+
+    Args:
+        samples: rows.
+        states: of all effects that act; those that are not among them are at zero.
+        free: the effects.
+        weight: (n,) 1/sigma [1/m]; 0 leaves a row out.
+    """
+    effects = [(effect_of(name), options) for name, options in free.items()]
+    parameters, slices, root, _ = _layout(samples, {}, effects)
+    X = _columns(evaluate(samples, states)[1], effects) @ root
+    A = (X * weight[:, None, None]).reshape(-1, X.shape[2])
+    covariance = root @ np.linalg.inv(A.T @ A + np.eye(len(root))) @ root.T
+    return covariance, slices, np.array([p.typical for p in parameters])
+
+
 def variance(samples: Samples, fitted: Fit) -> FloatArray:
     """Return how unsure noise makes the fitted points of rows: sum over the axes (n,) [m²].
 

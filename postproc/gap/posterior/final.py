@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
+from postproc.gap.effect import Kind
 from postproc.gap.fit import (
     WIDE,
     Fit,
@@ -19,6 +20,7 @@ from postproc.gap.fit import (
     Problem,
     fit,
     gross_faults,
+    left_open,
     moved_points,
     without_blocks,
 )
@@ -37,6 +39,8 @@ LARGEST_FIT = 4000
 """Rows that numbers are fitted to; more make them no surer."""
 _FAULT = 6.0
 """Rest of a row over the usual one from which the row is a measuring fault."""
+_DIRECTIONS = 24
+"""In which the numbers of a model are said to be wrong together: file size against detail."""
 _MOST_FAULTS = 0.06
 """Largest share of rows that may be faults."""
 
@@ -110,15 +114,39 @@ class Named:
         labels of neighbouring poses (Efron 1982): a formula that is not exact gives other numbers
         in another corner of the workspace.
         """
+        apart = self._jackknife(label)
+        scatter = np.sqrt(np.sum(apart**2, axis=0))
+        own = np.sqrt(np.diag(self.full.covariance))
+        wide = np.maximum(own, scatter) if len(apart) > 2 else own
+        return {name: wide[part] for name, part in self.full.slices.items()}
+
+    def spread(self, label: IntArray) -> dict[str, FloatArray]:
+        """Return how the numbers may be wrong together: by effect (d, p), in usual sizes.
+
+        The widest directions of what noise leaves open and of the jackknife, as in
+        ``deviations``. What every arm has more or less is open whether it was named or not.
+        """
+        problem, states = self.problem, self.full.states
+        usual = [e for e in problem.effects if e.is_common or e.kind == Kind.REGISTRATION]
+        every = [e for e in usual if e.name not in problem.given]
+        free = {e.name: Free(problem.settings[e.name]) for e in every} | self.free
+        covariance, slices, size = left_open(problem.samples, states, free, self._weight)
+        apart = self._jackknife(label)
+        for name, part in self.full.slices.items():
+            for other, beside in self.full.slices.items():
+                more = apart[:, part].T @ apart[:, beside]
+                covariance[slices[name], slices[other]] += more
+        values, axes = np.linalg.eigh(covariance / np.outer(size, size))
+        widest = np.sqrt(np.maximum(values[-_DIRECTIONS:], 0.0))[:, None] * axes.T[-_DIRECTIONS:]
+        return {name: widest[:, part] for name, part in slices.items()}
+
+    def _jackknife(self, label: IntArray) -> FloatArray:
+        """Return deviations (k, p) whose squares sum to the delete-a-group variance."""
         rest = self.problem.measured - self.beside - self.full.point
         by = without_blocks(
             self.problem.samples, self.full.states, self.free, rest, self._weight, label
         )
-        k = len(by)
-        scatter = np.sqrt((k - 1) / k * np.sum((by - by.mean(axis=0)) ** 2, axis=0))
-        own = np.sqrt(np.diag(self.full.covariance))
-        wide = np.maximum(own, scatter) if k > 2 else own
-        return {name: wide[part] for name, part in self.full.slices.items()}
+        return np.asarray((by - by.mean(axis=0)) * np.sqrt((len(by) - 1) / len(by)))
 
     @property
     def _weight(self) -> FloatArray:
