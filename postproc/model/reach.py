@@ -53,13 +53,21 @@ class Reach:
         factor: float,
         spread: Mapping[str, FloatArray],
     ) -> Reach:
-        """Return the reach of poses (n, 6) [rad] that were measured."""
-        centre = q.mean(axis=0)
-        covariance = np.cov(q.T, bias=True) + _SAME**2 * np.eye(6)
-        root = np.linalg.inv(np.linalg.cholesky(covariance))
-        most = np.max(np.linalg.norm((q - centre) @ root.T, axis=1))
+        """Return the reach of poses (n, 6) [rad] that were measured.
+
+        The ellipsoid holds each of them as the others have it.
+        """
         low, high = q.min(axis=0), q.max(axis=0)
-        return cls(left, factor, low, high, centre, root / max(most, 1.0), force, spread)
+        q = np.unique(np.round(q / _SAME) * _SAME, axis=0)
+        n, centre = max(len(q), 2), q.mean(axis=0)
+        X = q - centre
+        floor = _SAME**2 * np.eye(6)
+        others = (X.T @ X - n / (n - 1) * X[:, :, None] * X[:, None, :]) / (n - 1) + floor
+        away = n / (n - 1) * X
+        square = np.einsum("ni,ni->n", away, np.linalg.solve(others, away[:, :, None])[:, :, 0])
+        root = np.linalg.inv(np.linalg.cholesky(X.T @ X / n + floor))
+        most = max(float(np.sqrt(square.max(initial=0.0))), 1.0)
+        return cls(left, factor, low, high, centre, root / most, force, spread)
 
     def beyond(self, q: FloatArray) -> FloatArray:
         """Return how far poses (n, 6) [rad] are outside, over half the width measured; 0 inside."""

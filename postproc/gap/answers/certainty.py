@@ -24,7 +24,7 @@ def reach_of(diagnosis: Diagnosis) -> Reach:
     missed = diagnosis.held[:, 1]
     spread = spread_of(diagnosis.spread, samples, diagnosis.fit.states, problem.settings)
     square = float(np.mean(missed**2))
-    left = float(np.sqrt(max(square - np.mean(spread**2), _LEAST_LEFT * square)))
+    left = float(np.sqrt(max(square - float(np.mean(spread**2)), _LEAST_LEFT * square)))
     ratio = np.sort(missed / np.hypot(left, spread))
     rank = min(int(np.ceil(_SHARE * (len(ratio) + 1))), len(ratio))
     wrench = samples.wrench

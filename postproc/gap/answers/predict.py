@@ -55,15 +55,14 @@ class Prediction:
         Returns:
             UTF-8 with the header ``id,x_mm,y_mm,z_mm``, and ``u95_mm,inside`` where they are known.
         """
-        table = {f"{axis}_mm": self.points[:, k] / MM for k, axis in enumerate("xyz")}
+        head, cells = ["x_mm", "y_mm", "z_mm"], [*self.points.T / MM]
         if self.radius is not None:
-            table["u95_mm"] = self.radius / MM
-        cells = [[f"{value:.6f}" for value in column] for column in table.values()]
+            head, cells = [*head, "u95_mm"], [*cells, self.radius / MM]
+        text = [[f"{value:.6f}" for value in column] for column in cells]
         if self.inside is not None:
-            table["inside"] = self.inside
-            cells.append([f"{value:d}" for value in self.inside])
-        lines = [",".join(["id", *table])]
-        lines += [",".join(row) for row in zip(map(_quoted, ids), *cells, strict=True)]
+            head, text = [*head, "inside"], [*text, [f"{value:d}" for value in self.inside]]
+        lines = [",".join(["id", *head])]
+        lines += [",".join(row) for row in zip(map(_quoted, ids), *text, strict=True)]
         return ("\n".join(lines) + "\n").encode()
 
 
