@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))  # mkdocs loads a hook by its file
@@ -23,6 +23,26 @@ if TYPE_CHECKING:
 def generated() -> dict[str, str | bytes]:
     """Return everything that is made at build time, by its place in ``docs``."""
     return {**reference.pages(), **examples.pages(ROOT / "fixtures"), **figures.pictures(ROOT)}
+
+
+def on_config(config: MkDocsConfig) -> MkDocsConfig:
+    """Put the pages of the families of findings where the navigation has their list."""
+
+    def with_families(entry: Any) -> Any:  # noqa: ANN401 - the navigation's own nesting
+        if isinstance(entry, list):
+            return [with_families(one) for one in entry]
+        if not isinstance(entry, dict):
+            return entry
+        pages = {name: with_families(part) for name, part in entry.items()}
+        if "Finding codes" in pages:
+            pages["Finding codes"] = [
+                {"All families": pages["Finding codes"]},
+                *({title: page} for title, page in reference.families()),
+            ]
+        return pages
+
+    config.nav = with_families(config.nav)
+    return config
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:

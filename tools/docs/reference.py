@@ -14,7 +14,7 @@ import postproc
 from postproc.cell import cell_reference
 from postproc.cell.schema import CellFile
 from postproc.cli.app import COMMANDS
-from postproc.codes import Entry, groups
+from postproc.codes import Entry, Group, groups
 from postproc.measurement.columns import CONDITIONS, QUANTITIES, Empty
 from postproc.readers.csv.roles import HARMLESS, ROLES
 
@@ -30,7 +30,11 @@ def pages() -> dict[str, str | bytes]:
         "reference/cell.md": _cell(),
         "reference/csv.md": "\n".join(_csv()),
         "reference/json.md": "\n".join(_documents()),
-        "reference/findings.md": "\n".join(_findings()),
+        "reference/findings.md": "\n".join(_families()),
+        **{
+            page: "\n".join(_family(group))
+            for group, (_, page) in zip(groups(), families(), strict=True)
+        },
         "reference/python.md": "\n".join(_python()),
         "schemas/cell.schema.json": json.dumps(cell_schema, indent=1) + "\n",
     }
@@ -180,17 +184,31 @@ def _type(schema: dict[str, Any], root: dict[str, Any]) -> str:
     return " or ".join([kinds] if isinstance(kinds, str) else kinds)
 
 
-def _findings() -> Iterator[str]:
+def families() -> list[tuple[str, str]]:
+    """Return title and page of each family of findings."""
+    return [
+        (f"{group.prefix}: {group.about}", f"reference/findings/{group.prefix.lower()}.md")
+        for group in groups()
+    ]
+
+
+def _families() -> Iterator[str]:
     yield "# Finding codes\n"
     yield "The same texts as `postproc explain CODE`. A code keeps its meaning for ever.\n"
-    for group in groups():
-        yield f"\n## {group.prefix}: {group.about}\n"
-        for entry in group.entries:
-            yield from _finding(entry)
+    yield "| codes | about | entries |\n|---|---|---|"
+    for group, (_, page) in zip(groups(), families(), strict=True):
+        link = f"[{group.prefix}]({page.removeprefix('reference/')})"
+        yield f"| {link} | {_markdown(group.about)} | {len(group.entries)} |"
+
+
+def _family(group: Group) -> Iterator[str]:
+    yield f"# {group.prefix}: {group.about}\n"
+    for entry in group.entries:
+        yield from _finding(entry)
 
 
 def _finding(entry: Entry) -> Iterator[str]:
-    yield f"\n### {entry.code} {{ #{entry.code} }}\n"
+    yield f"\n## {entry.code} {{ #{entry.code} }}\n"
     severity = f" ({entry.severity})" if entry.severity else ""
     yield f"**{entry.title}**{severity}\n"
     yield f"Cause: {_markdown(entry.cause)}\n"
