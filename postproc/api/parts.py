@@ -41,6 +41,7 @@ def read(
     cycle_words: str | None = None,
     feed_units: str | None = None,
     arc_sense: str | None = None,
+    head: str | None = None,
     task: str | None = None,
     accept_words: Sequence[str] | str = (),
     recover: bool = False,
@@ -61,6 +62,7 @@ def read(
         cycle_words: meaning of the numbers of a positional drill cycle: ``depth,clearance,feed``.
         feed_units: ``mm`` or ``inch`` per minute where FEDRAT and UNITS contradict each other.
         arc_sense: ``ccw`` or ``cw`` about their vector, for arcs whose records leave it open.
+        head: rotary axes of a G-code head, from the machine to the tool: ``C+z B+y``.
         task: DELMIA task to read instead of all that no other one calls.
         accept_words: words of the file that are harmless, besides those that the cell accepts; a
             text has commas between.
@@ -83,6 +85,7 @@ def read(
         cycle_words=cycle_words,
         feed_units=feed_units,
         arc_sense=arc_sense,
+        head=head,
         task=task,
         accept_words=accept_words if isinstance(accept_words, str) else tuple(accept_words),
         recover=recover,
@@ -101,6 +104,7 @@ def inspect(
     cycle_words: str | None = None,
     feed_units: str | None = None,
     arc_sense: str | None = None,
+    head: str | None = None,
     task: str | None = None,
     accept_words: Sequence[str] | str = (),
     recover: bool = False,
@@ -117,6 +121,7 @@ def inspect(
         cycle_words: meaning of the numbers of a positional drill cycle.
         feed_units: ``mm`` or ``inch`` per minute.
         arc_sense: ``ccw`` or ``cw``.
+        head: rotary axes of a G-code head.
         task: DELMIA task.
         accept_words: words that are harmless.
         recover: mend faults that have one possible meaning.
@@ -131,6 +136,7 @@ def inspect(
     options = {
         "format": format, "dialect": dialect, "units": units, "columns": columns,
         "cycle_words": cycle_words, "feed_units": feed_units, "arc_sense": arc_sense,
+        "head": head,
         "task": task, "accept_words": accept_words, "recover": recover,
     }  # fmt: skip
     return inspect_file(str(path), options, None if cell is None else cell_of(cell))

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 SCHEMA = "postproc.batch/1"
 _OPTIONS = {"cell", "name", "format", "dialect", "units", "columns", "task", "cycle_words"}
 _OPTIONS |= {"feed_units", "accept_words", "recover", "emitter", "strategy", "objective", "preset"}
-_OPTIONS |= {"model", "partial", "arc_sense"}
+_OPTIONS |= {"model", "partial", "arc_sense", "head"}
 
 
 @dataclass(frozen=True, slots=True)

@@ -387,6 +387,7 @@ class Reading:
     cycle_words: str | None = None
     feed_units: str | None = None
     arc_sense: str | None = None
+    head: str | None = None
     task: str | None = None
     accept_words: tuple[str, ...] = ()
 

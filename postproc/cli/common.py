@@ -199,6 +199,7 @@ def _coloured(line: str, severity: str) -> str:
 
 READING = (
     "format", "dialect", "units", "columns", "task", "cycle_words", "feed_units", "arc_sense",
+    "head",
     "accept_words", "recover",
 )  # fmt: skip
 """Options that say how a CAM file is to be read, alike in all commands that read one."""
@@ -241,6 +242,11 @@ def reading_options(function: Callable[P, R]) -> Callable[P, R]:
             "--arc-sense",
             type=click.Choice(["ccw", "cw"]),
             help="Way of arcs about their vector where the CAM file leaves it open.",
+        ),
+        click.option(
+            "--head",
+            metavar="AXES",
+            help="Rotary head of a G-code file, from the machine to the tool: C+z B+y [tip].",
         ),
         click.option(
             "--accept-words",

@@ -90,6 +90,7 @@ class ConvertRequest:
     cycle_words: str | None = None
     feed_units: str | None = None
     arc_sense: str | None = None
+    head: str | None = None
     accept_words: tuple[str, ...] | str = ()
     """Words of the CAM file that are harmless, besides those of the cell."""
     recover: bool = False
@@ -222,6 +223,7 @@ def read_toolpath(request: ConvertRequest, cell: Cell) -> ToolPath:
         cycle_words=request.cycle_words or habits.cycle_words,
         feed_units=request.feed_units or habits.feed_units,
         arc_sense=request.arc_sense or habits.arc_sense,
+        head=request.head or habits.head,
         accept_words=(*habits.accept_words, *request.accept_words),
         tool_axis=tuple(float(v) for v in _known_axis(cell)),
         surface_normals=_surface_normals(cell),

@@ -67,6 +67,7 @@ class ReadOptions:
             file; None: such a file is asked back.
         arc_sense: ``ccw`` or ``cw`` about the written vector, for arcs whose record and end leave
             both ways open; None: as the rest of the file shows.
+        head: rotary axes of a G-code machine's head, see ``gcode.head``; None: rotary words stop.
         task: DELMIA task to read; None: every task that no other one calls, in file order.
         accept_words: words, and columns of a table, that the user knows to be harmless; a text has
             commas between. What the reader refuses of them becomes a note.
@@ -83,6 +84,7 @@ class ReadOptions:
     cycle_words: tuple[str, ...] | str | None = None
     feed_units: str | None = None
     arc_sense: str | None = None
+    head: str | None = None
     task: str | None = None
     accept_words: tuple[str, ...] | str = ()
 

@@ -108,6 +108,8 @@ FINI
     "<Orientation Units='deg' Yaw='0' Pitch='90' Roll='0'/></CartesianTarget></Target>"
     "</Activity></ActivityList></Resource></OLPData>",
     "apart.csv": "x,y,z,i,j,k,depth\n0,-4000,0,0,0,1,5\n0,4000,0,0,0,1,5\n",
+    "head.nc": "%\nG21 G90 G54 G43.4 H1\nS3000 M3\nG0 X0 Y0 Z30 B0 C0\nG1 Z1 F600\nX40 B10 C5\n"
+    "G0 Z30\nM30\n",
     "tools.csv": "x,y,z,i,j,k,depth,tool\n0,0,0,0,0,1,5,1\n40,0,0,0,0,1,5,MILL\n",
     "bases.csv": "x,y,z,i,j,k,depth,base\n0,0,0,0,0,1,5,A\n40,0,0,0,0,1,5,B\n",
     "cutter.apt": "UNITS/MM\nLOADTL/1\nCUTTER/6\nFEDRAT/600,MMPM\nGOTO/0,0,0,0,0,1\nGOTO/100,0,0\n"
@@ -410,6 +412,7 @@ CASES: dict[str, tuple[Any, ...]] = {
         "inches.apt",
     ),
     "import.arc_sense": ({}, {"import.arc_sense": "cw"}, MILL),
+    "import.head": ({}, {"import.head": "C+z B+y"}, "head.nc"),
     "import.task": ({"import.task": "A"}, {"import.task": "B"}, "tasks.xml"),
     "import.accept_words": ({}, {"import.accept_words": ["CUTCOM"]}, "shifted.apt"),
     "krl.emitter": ({}, {"krl.emitter": "none"}),
@@ -612,6 +615,7 @@ CALLS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
         {"source": "inches.apt", "--feed-units": "mm"},
         {"--feed-units": "inch"},
     ),
+    "head": ({"source": "head.nc"}, {"--head": "C+z B+y"}),
     "arc_sense": ({"source": MILL}, {"--arc-sense": "cw"}),
     "emitter": ({}, {"--emitter": "none"}),
     "recover": ({"source": "bent.apt"}, {"--recover": None}),
@@ -626,7 +630,7 @@ CALLS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "quiet": ({}, {"--quiet": None}),
 }
 """Option of ``convert`` to what else stands in the call, and the change."""
-FIRST = {"partial": 1, "accept_words": 1, "recover": 2, "dialect": 2}
+FIRST = {"partial": 1, "head": 1, "accept_words": 1, "recover": 2, "dialect": 2}
 """Exit code of a call before the change, where it is not good."""
 
 

@@ -36,6 +36,12 @@ class ImportTable(Table):
         description="way of arcs about their vector where their records leave it open, as half "
         "turns do; default: as the rest of the file shows",
     )
+    head: Text | None = Field(
+        default=None,
+        description="rotary axes of the head of the machine that G-code was posted for, from the "
+        "machine to the tool, each with the sense and CAM axis about which a growing angle turns "
+        "the tool: C+z B+y; tip behind them: X, Y, Z are of the tool tip without G43.4 too",
+    )
     task: Text | None = Field(
         default=None, description="DELMIA task to read instead of all that no other one calls"
     )

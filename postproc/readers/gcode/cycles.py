@@ -38,6 +38,9 @@ def drill(machine: Machine, block: Block, said: dict[str, float]) -> None:
     mode = machine.modes
     if mode.plane != "G17":
         raise machine.faults.error("GCD012", "a drill cycle outside of G17", block.line)
+    if machine.leans:
+        text = "a drill cycle along z while the head leans"
+        raise machine.faults.error("GCD012", text, block.line)
     if isnan(machine.drill.initial):
         machine.drill = Drill(float(machine.position[2]))
         if not mode.retract:

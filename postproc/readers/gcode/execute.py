@@ -41,6 +41,7 @@ def execute(machine: Machine, block: Block) -> None:
     _refuse(machine, block, codes, values)
     _modes(machine, block, codes)
     said = _in_metres(machine, block, values)
+    _turn(machine, block, codes, values)
     _technology(machine, block, codes, said)
     if "G4" in codes:
         _dwell(machine, block, values)
@@ -80,9 +81,12 @@ def _refuse(machine: Machine, block: Block, codes: list[str], values: dict[str, 
         text = "a block that the operator may skip"
         machine.uses.refuse("/", WordClass.PROCESS, block.line, text)
     for letter, value in values.items():
+        if machine.head is not None and letter in machine.head.letters:
+            continue
         if letter in _ROTARY and value != 0.0:
             text = f"{letter} turns or moves an axis of the machine tool; expected X, Y, Z along +z"
-            machine.uses.refuse(letter, WordClass.COORDINATES, block.line, text)
+            hint = "[import] head or --head says what a head's rotary words turn"
+            machine.uses.refuse(letter, WordClass.COORDINATES, block.line, text, hint)
         elif letter not in _KNOWN:
             machine.uses.refuse(
                 letter, WordClass.UNKNOWN, block.line, "stands in no table of words"
@@ -141,6 +145,28 @@ def _in_metres(machine: Machine, block: Block, values: dict[str, float]) -> dict
             text = "neither G90 nor G91: coordinates are read as absolute"
             machine.faults.warn("GCD105", text, block.line)
     return said
+
+
+def _turn(machine: Machine, block: Block, codes: list[str], values: dict[str, float]) -> None:
+    """Take the words of the head; X, Y, Z have to be of the tip where it leans."""
+    if machine.head is None:
+        return
+    for code in codes:
+        if code in ("G43", "G43.4", "G49"):
+            machine.of_tip = machine.head.of_tip or code == "G43.4"
+    said = {letter: values[letter] for letter in machine.head.letters if letter in values}
+    if any(code in _REFERENCE for code in codes):
+        machine.turned |= dict.fromkeys(said, nan)
+        return
+    for letter, value in said.items():
+        before = 0.0 if machine.absolute else machine.turned.get(letter, nan)
+        machine.turned[letter] = before + value
+    if said and machine.modes.motion in ("G2", "G3"):
+        raise machine.faults.error("GCD011", "an arc that turns the head", block.line)
+    if machine.leans and not machine.of_tip:
+        text = "the head leans without G43.4: whether X, Y, Z are of the tool tip is not said"
+        hint = "where they are, say so: tip behind the axes of [import] head"
+        machine.uses.refuse("ABC", WordClass.COORDINATES, block.line, text, hint)
 
 
 def _technology(machine: Machine, block: Block, codes: list[str], said: dict[str, float]) -> None:
@@ -227,8 +253,22 @@ def _motion(machine: Machine, block: Block, codes: list[str], said: dict[str, fl
         if "P" in said:
             said = {**said, "P": seconds(machine, block, "P")}
         drill(machine, block, said)
-    elif axes or (machine.modes.motion in ("G2", "G3") and said.keys() & set("IJKR")):
+    elif axes or _turns_in_place(machine, block) or _is_arc(machine, said):
         _to_point(machine, block, said)
+
+
+def _is_arc(machine: Machine, said: dict[str, float]) -> bool:
+    return machine.modes.motion in ("G2", "G3") and bool(said.keys() & set("IJKR"))
+
+
+def _turns_in_place(machine: Machine, block: Block) -> bool:
+    """Return whether a block turns the head where the tool stands."""
+    return not np.isnan(machine.position).any() and _turns(machine, block)
+
+
+def _turns(machine: Machine, block: Block) -> bool:
+    letters = machine.head.letters if machine.head else ""
+    return any(word.letter in letters for word in block.words)
 
 
 def _target(machine: Machine, said: dict[str, float]) -> FloatArray:
@@ -309,7 +349,7 @@ def _to_reference(machine: Machine, block: Block, code: str, said: dict[str, flo
             _rise(machine, through)
             machine.tag(MotionKind.RAPID, through, block.line)
             machine.position = through
-        moved = moved or [0, 1, 2]
+        moved = moved or ([] if _turns(machine, block) else [0, 1, 2])
     position = machine.position.copy()
     position[moved] = nan
     machine.position = position
@@ -326,5 +366,7 @@ def _rise(machine: Machine, target: FloatArray) -> None:
             last[2] += cycle.retract
         if target[2] > last[2]:
             last[2] = target[2]
+            turned, machine.turned = machine.turned, machine.turned_at_last
             machine.tag(MotionKind.RAPID, last, machine.homed_line)
+            machine.turned = turned
     machine.homed_line = 0

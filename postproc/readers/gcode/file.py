@@ -1,8 +1,8 @@
 """G-code of machining centres to a toolpath: the program is run, with its sub-programs.
 
-The tool axis is +z of the coordinates that hold. What moves the machine tool alone (reference
-positions, tool lengths) is not driven and said; what changes the path and is not carried out is
-refused by its code.
+The tool axis is +z of the coordinates that hold, or that of the head that the cell names. What
+moves the machine tool alone (reference positions, tool lengths) is not driven and said; what changes
+the path and is not carried out is refused by its code.
 """
 
 from __future__ import annotations
@@ -151,7 +151,7 @@ def _toolpath(machine: Machine, path: str) -> ToolPath:
         dialect=machine.dialect,
         units="inch" if inch else "mm",
         points=np.array(rows.points).reshape(n, 3),
-        axes=np.tile([0.0, 0.0, 1.0], (n, 1)),
+        axes=np.array(rows.axes).reshape(n, 3),
         kind=_ints(rows.kind),
         feed=np.array(rows.feed),
         line=_ints(rows.line),

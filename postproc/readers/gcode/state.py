@@ -10,11 +10,14 @@ from postproc.arrays import FloatArray
 from postproc.model import CamSetup, CamTool, Cycle, Event, EventKind, MotionKind, Operation
 from postproc.readers.base import LENGTH_UNITS, ReadOptions
 from postproc.readers.gcode.arcs import Arc
+from postproc.readers.gcode.head import UPRIGHT, head_of
 from postproc.readers.text import Faults, shortened
 from postproc.readers.uses import WordUses
 from postproc.records import dataclass
 
 NONE = -1
+_UPRIGHT = 1e-9
+"""A head that is nearer to upright than this does not lean."""
 
 
 @dataclass(slots=True)
@@ -22,6 +25,7 @@ class Rows:
     """Columns of the toolpath, one entry a tag."""
 
     points: list[FloatArray] = field(default_factory=list)
+    axes: list[FloatArray] = field(default_factory=list)
     kind: list[int] = field(default_factory=list)
     feed: list[float] = field(default_factory=list)
     line: list[int] = field(default_factory=list)
@@ -80,11 +84,29 @@ class Machine:
         self.operations: list[Operation] = []
         self.remark = ""
         self.ended = False
+        self.head = head_of(options.head)
+        self.turned: dict[str, float] = {}
+        """Angles [deg] of the head's words, NaN behind a reference move."""
+        self.turned_at_last: dict[str, float] = {}
+        """These at the last tag."""
+        self.of_tip = self.head is not None and self.head.of_tip
+        """Whether X, Y, Z are of the tool tip, however the head stands."""
 
     @property
     def absolute(self) -> bool:
         """Whether coordinates count from the origin."""
         return self.modes.distance != "G91"
+
+    @property
+    def axis(self) -> FloatArray:
+        """Tool axis (3,) from tip to holder, NaN where the head's place is not known."""
+        return UPRIGHT if self.head is None else self.head.axis(self.turned)
+
+    @property
+    def leans(self) -> bool:
+        """Whether the tool axis is known to be another one than z."""
+        axis = self.axis
+        return bool(np.isfinite(axis).all() and np.abs(axis - UPRIGHT).max() > _UPRIGHT)
 
     def scale(self, line: int) -> float:
         """Return metres per unit of length.
@@ -114,8 +136,14 @@ class Machine:
         if self.remark:
             self.operations.append(Operation(shortened(self.remark), line))
             self.remark = ""
-        rows = self.rows
+        rows, axis = self.rows, self.axis
+        if np.isnan(axis).any():
+            text = "a motion while it is not known how the head stands"
+            hint = "say it before: B0 C0; a file of three axes needs no [import] head"
+            raise self.faults.error("GCD019", text, line, hint=hint)
         rows.points.append(point.copy())
+        rows.axes.append(axis)
+        self.turned_at_last = dict(self.turned)
         rows.kind.append(int(kind))
         rows.feed.append(more.get("feed", float("nan")))
         rows.line.append(line)
