@@ -1,8 +1,8 @@
 """G-code of machining centres to a toolpath: the program is run, with its sub-programs.
 
 The tool axis is +z of the coordinates that hold, or that of the head that the cell names. What
-moves the machine tool alone (reference positions, tool lengths) is not driven and said; what changes
-the path and is not carried out is refused by its code.
+moves the machine tool alone (reference positions, tool lengths) is not driven and said; what
+changes the path and is not carried out is refused by its code.
 """
 
 from __future__ import annotations
