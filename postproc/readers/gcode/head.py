@@ -18,7 +18,6 @@ from postproc.geometry import rotation_about
 from postproc.records import dataclass
 from postproc.units import DEG
 
-ROTARY = "ABC"
 UPRIGHT = np.array([0.0, 0.0, 1.0])
 """The tool axis of a machining centre, from the tip to the holder."""
 _JOINT = re.compile(r"([ABC])([+-])([xyz])")
