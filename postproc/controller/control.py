@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import field
 from typing import Any
 
-from postproc.controller.flow import Flow
+from postproc.controller.flow import LOOPS, Flow
 from postproc.controller.runtime import UNKNOWN, Evaluator, Variables
 from postproc.errors import RunKind, Severity
 from postproc.krl import Control, KrlModule, Node, Routine, Statement, parse_expression
@@ -33,6 +33,20 @@ class Activation:
     """LOOP line to the number of unknown conditions when its pass began."""
     doubtful: dict[int, tuple[Statement, ...]] = field(default_factory=dict)
     """Last line of a block to what may have run in it, or not."""
+    line: int = 0
+    """Line of the call that it waits for."""
+
+    @property
+    def ends(self) -> bool:
+        """Whether only counted loops lead back to the line."""
+        texts = self.routine.statements
+        around = {
+            getattr(texts[opener], "word", "")
+            for opener, closer in self.flow.end.items()
+            if texts[opener].line <= self.line <= texts[closer].line
+        }
+        jumps = any(isinstance(s, Control) and s.word == "GOTO" for s in texts)
+        return not jumps and not around & (LOOPS - {"FOR"})
 
 
 class ControlFlow:

@@ -233,8 +233,12 @@ class Interpreter:
             if self._lines_left < 0
             else f"{MAX_REPEATED_MOTIONS} motions"
         )
+        self._stack[-1].line = statement.line
         text = f"loops and calls add more than {what} to what is written: not run any further"
-        self.finding(RunKind.ENDLESS, text)
+        if all(run.ends for run in self._stack):
+            self.finding(RunKind.UNJUDGED, f"too long to judge: {text}")
+        else:
+            self.finding(RunKind.ENDLESS, text)
         raise _EndlessError
 
     def _continue(self, _statement: Continue) -> None:
@@ -488,7 +492,7 @@ class Interpreter:
         if values is None:
             values = [self._argument(node) for node in arguments]
         names = [parameter.name.upper() for parameter in routine.parameters]
-        line = self._line
+        line = self._stack[-1].line = self._line
         done = self._execute(module, routine, tuple(zip(names, values, strict=False)))
         self._line = line
         for parameter, name, node in zip(routine.parameters, names, arguments, strict=False):

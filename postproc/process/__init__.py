@@ -47,6 +47,8 @@ from postproc.process.spindle import (
     started_by_none,
     stretches,
     switched_off,
+    turns_at,
+    with_turns,
 )
 from postproc.process.strokes import (
     CHIP_LIFT,
@@ -57,9 +59,7 @@ from postproc.process.strokes import (
     hole_calls,
     peck_count,
     pecks,
-    turns_at,
     with_orientation,
-    with_turns,
 )
 from postproc.process.tilt import PLUNGING, SHARPEST
 from postproc.process.unit import NUMBER, hole_steps, holes_served, restart_notes, unit_findings

@@ -33,12 +33,16 @@ def feeds_of(toolpath: ToolPath, cell: Cell) -> FloatArray:
 
 def assumptions(toolpath: ToolPath, cell: Cell) -> tuple[str, ...]:
     """Return in words what is taken where the file says nothing: units, and the cell's feed."""
+    assumed = toolpath.assumed
+    is_list = toolpath.format == "csv" and toolpath.rotations is None
+    if is_list and not any(base.meshes for base in cell.bases):
+        assumed = (*assumed, "normals from the tip of the tool to its holder")
     own = np.array([*(cycle.feed for cycle in toolpath.cycles), np.nan])
     silent = np.isnan(toolpath.feed) & np.isnan(own[np.asarray(toolpath.cycle)])
     if not (silent & np.isin(toolpath.kind, WORKING)).any() or np.isnan(cell.motion.feed):
-        return toolpath.assumed
+        return assumed
     feed = f"feed {cell.motion.feed / MM_PER_MIN:g} mm/min of the cell where the file gives none"
-    return (*toolpath.assumed, feed)
+    return (*assumed, feed)
 
 
 def least_feeds(toolpath: ToolPath, cell: Cell) -> FloatArray:

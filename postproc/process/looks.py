@@ -88,7 +88,7 @@ def _turned(toolpath: ToolPath, outward: FloatArray | None) -> Finding | None:
     """Normals that point the other way than those around them, or into the workpiece."""
     from scipy.spatial import cKDTree
 
-    rows = _known(toolpath)
+    rows = _known(toolpath, all_of_lists=True)
     axes, wrong = toolpath.axes[rows], np.zeros(len(rows), dtype=np.bool_)
     places, first = np.unique(toolpath.points[rows], axis=0, return_index=True)
     count = min(_NEIGHBOURS + 1, len(places))
@@ -170,10 +170,14 @@ LOOKS: tuple[Callable[[ToolPath, FloatArray | None], Finding | None], ...] = (
 """What is looked at, in the order of the warnings."""
 
 
-def _known(toolpath: ToolPath) -> IndexArray:
-    """Return the tags where the tool stands at a known place with a known axis."""
+def _known(toolpath: ToolPath, *, all_of_lists: bool = False) -> IndexArray:
+    """Return the tags where the tool stands at a known place with a known axis.
+
+    With ``all_of_lists`` those of the cuts of a list as well: their axes were typed or measured.
+    """
     known = np.isfinite(toolpath.points).all(axis=1) & np.isfinite(toolpath.axes).all(axis=1)
-    return np.flatnonzero(stands(toolpath) & known)
+    is_listed = all_of_lists and toolpath.format == "csv"
+    return np.flatnonzero((stands(toolpath) | is_listed) & known)
 
 
 def _name(toolpath: ToolPath, tag: int) -> str:

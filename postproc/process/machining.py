@@ -9,8 +9,8 @@ import numpy as np
 from postproc.cell import Cell
 from postproc.errors import Finding, Severity, SourceRef
 from postproc.model import Cycle, CycleKind, MotionKind, ToolPath
-from postproc.process.spindle import direction_findings
-from postproc.process.strokes import TAPS, turns_at
+from postproc.process.spindle import direction_findings, turns_at
+from postproc.process.strokes import TAPS
 from postproc.units import MM
 
 _LEFT_TAPS = frozenset({CycleKind.TAP_LEFT, CycleKind.RIGID_TAP_LEFT})

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from postproc.arrays import IndexArray
+from postproc.arrays import FloatArray, IndexArray
 from postproc.cell import Cell, SpindleStart, Tool
 from postproc.errors import Finding, Severity, SourceRef
 from postproc.model import CUTS, WORKING, Event, EventKind, MotionKind, ToolPath
@@ -26,6 +26,13 @@ START_HINT = (
     'spindle = "unit" or "hand"'
 )
 """What helps where nothing is known to start the spindle."""
+CLOCKWISE, COUNTERCLOCKWISE = frozenset({"CLW", "CW"}), frozenset({"CCLW", "CCW"})
+"""Words of SPINDL that say which way round."""
+OTHERS = (SpindleStart.UNIT, SpindleStart.HAND)
+_SWITCHED = (EventKind.SPINDLE_ON, EventKind.SPINDLE_OFF)
+"""What a program does not call where others drive the spindle."""
+_COLUMN = "spindle_turns"
+"""Column of a toolpath: the speed [turns/s] of the spindle at each tag, as ``turns_at`` says."""
 _STANDING = frozenset({"SPINDL", "SPINDL/OFF"})
 """Words by which cuts at a standstill are accepted."""
 _SWITCHES = {
@@ -62,6 +69,24 @@ def stretches(events: Sequence[Event], count: int) -> Iterator[Stretch]:
     yield now
 
 
+def with_turns(toolpath: ToolPath) -> ToolPath:
+    """Return the toolpath with the speed of the spindle at each tag as a column.
+
+    So a part of it that begins behind the word that starts the spindle still knows it.
+    """
+    return replace(toolpath, extra={**toolpath.extra, _COLUMN: turns_at(toolpath)})
+
+
+def turns_at(toolpath: ToolPath) -> FloatArray:
+    """Return the speed (n,) [turns/s] of the spindle at each tag, as ``Stretch`` has it."""
+    if _COLUMN in toolpath.extra:
+        return np.asarray(toolpath.extra[_COLUMN], dtype=np.float64)
+    turns = np.full(len(toolpath), np.nan)
+    for part in stretches(toolpath.events, len(toolpath)):
+        turns[part.first : part.stop] = part.turns
+    return turns
+
+
 def started_by_none(toolpath: ToolPath) -> IndexArray:
     """Return the tags (k,) that are drilled or milled before the file names the spindle at all.
 
@@ -77,10 +102,15 @@ def started_by_none(toolpath: ToolPath) -> IndexArray:
 def driven(toolpath: ToolPath, cell: Cell) -> ToolPath:
     """Return the toolpath with all switching of the spindle that the file leaves to others.
 
-    Where the file names no speed before it cuts, the cell's is that of the start, the way round
-    that the tool cuts; ``switched_off`` adds the rest.
+    An end effector or a person that drives the spindle is not called. Where the file names no speed
+    before it cuts, or starts without one, it is the cell's, the way round that the tool cuts;
+    ``switched_off`` adds the rest.
     """
+    if cell.process.spindle in OTHERS:
+        own = tuple(event for event in toolpath.events if event.kind not in _SWITCHED)
+        return switched_off(replace(with_turns(toolpath), events=own))
     speed = cell.process.spindle_turns
+    toolpath = _named(toolpath, cell, speed)
     tags = started_by_none(toolpath)
     if not speed or not len(tags) or may_stand(toolpath, cell):
         return switched_off(toolpath)
@@ -90,7 +120,7 @@ def driven(toolpath: ToolPath, cell: Cell) -> ToolPath:
         Event(
             tag,
             EventKind.SPINDLE_ON,
-            speed if cell.tools[index].cuts_clockwise else -speed,
+            speed * _way(cell, index),
             _DEFAULT,
             int(toolpath.line[tag]),
         )
@@ -100,14 +130,50 @@ def driven(toolpath: ToolPath, cell: Cell) -> ToolPath:
     return switched_off(replace(toolpath, events=tuple(events)))
 
 
+def _speedless(toolpath: ToolPath) -> list[Event]:
+    """Return what starts the spindle and says no number at all."""
+    return [
+        event
+        for event in toolpath.events
+        if event.kind is EventKind.SPINDLE_ON
+        and not event.value
+        and not any(letter.isdigit() for letter in event.text)
+    ]
+
+
+def _named(toolpath: ToolPath, cell: Cell, speed: float) -> ToolPath:
+    """Return the toolpath with the cell's speed where the file starts the spindle without one."""
+    bare = _speedless(toolpath)
+    if not speed or not bare or not len(toolpath):
+        return toolpath
+    tool = claimed(toolpath, cell).tool
+    starts = {}
+    for event in bare:
+        words = set(event.text.split(","))
+        way = _way(cell, int(tool[min(event.index, len(tool) - 1)]))
+        way = 1.0 if CLOCKWISE & words else -1.0 if COUNTERCLOCKWISE & words else way
+        starts[id(event)] = replace(event, value=way * speed)
+    return replace(toolpath, events=tuple(starts.get(id(e), e) for e in toolpath.events))
+
+
+def _way(cell: Cell, tool: int) -> float:
+    """Return 1 where a tool cuts clockwise, else -1."""
+    return 1.0 if tool < 0 or cell.tools[tool].cuts_clockwise else -1.0
+
+
 def start_findings(toolpath: ToolPath, cell: Cell) -> list[Finding]:
     """Return PRC004 where nothing is known to start the spindle that a toolpath needs.
 
     An error where the cell wants the program to do it, else a warning that stands first.
     """
     tags, who = started_by_none(toolpath), cell.process.spindle
-    elsewhere = who in (SpindleStart.UNIT, SpindleStart.HAND) or cell.process.spindle_turns
-    if elsewhere or not len(tags) or may_stand(toolpath, cell):
+    if who in OTHERS or cell.process.spindle_turns:
+        return []
+    for event in _speedless(toolpath)[:1]:
+        text = "the spindle is started without a speed, none was given before, the cell has none"
+        source = SourceRef(toolpath.path, event.line)
+        return [Finding(Severity.ERROR, "PRC005", text, source=source, hint=START_HINT)]
+    if not len(tags) or may_stand(toolpath, cell):
         return []
     holes = int((np.asarray(toolpath.kind)[tags] == MotionKind.HOLE).sum())
     counts = ((holes, "holes are drilled"), (len(tags) - holes, "points are milled"))

@@ -8,18 +8,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from postproc.arrays import FloatArray
 from postproc.cell import Cell
 from postproc.model import ORIENT, Cycle, CycleKind, Event, EventKind, MotionKind, ToolPath
-from postproc.process.spindle import stretches
+from postproc.process.spindle import OTHERS, turns_at
 
 TAPS = frozenset({CycleKind.TAP, CycleKind.TAP_LEFT, CycleKind.RIGID_TAP, CycleKind.RIGID_TAP_LEFT})
 FEED_OUT = TAPS | {CycleKind.REAM, CycleKind.BORE}
 """What leaves the hole with the feed, up to the height where the feed began."""
 _STANDS_OUT = frozenset({CycleKind.BORE, CycleKind.BORE_RAPID})
 """What leaves the hole with a spindle that stands."""
-_TURNS = "spindle_turns"
-"""Column of a toolpath: the speed [turns/s] of the spindle at each tag, as ``turns_at`` says."""
 _ORIENTS = str(EventKind.SPINDLE_ORIENT)
 CHIP_LIFT = 1e-3
 """How far [m] the tool lifts to break the chip."""
@@ -59,24 +56,6 @@ def pecks(cycle: Cycle, chip: float = CHIP_LIFT) -> list[tuple[float, float]]:
     return list(zip(depths, [*lifts, cycle.clearance], strict=True))
 
 
-def with_turns(toolpath: ToolPath) -> ToolPath:
-    """Return the toolpath with the speed of the spindle at each tag as a column.
-
-    So a part of it that begins behind the word that starts the spindle still knows it.
-    """
-    return replace(toolpath, extra={**toolpath.extra, _TURNS: turns_at(toolpath)})
-
-
-def turns_at(toolpath: ToolPath) -> FloatArray:
-    """Return the speed (n,) [turns/s] of the spindle at each tag, as ``Stretch`` has it."""
-    if _TURNS in toolpath.extra:
-        return np.asarray(toolpath.extra[_TURNS], dtype=np.float64)
-    turns = np.full(len(toolpath), np.nan)
-    for part in stretches(toolpath.events, len(toolpath)):
-        turns[part.first : part.stop] = part.turns
-    return turns
-
-
 def with_orientation(toolpath: ToolPath, cell: Cell) -> ToolPath:
     """Return the toolpath without the refusal of what a routine of the cell does.
 
@@ -111,7 +90,7 @@ def hole_calls(toolpath: ToolPath, cell: Cell) -> Iterator[tuple[int, Event, Eve
     holes = np.asarray(toolpath.kind) == MotionKind.HOLE
     rows = np.flatnonzero(holes & np.isin(toolpath.cycle, wanted))
     turns = turns_at(toolpath) if len(rows) else np.zeros(0)
-    for row in rows.tolist():
+    for row in rows.tolist() if cell.process.spindle not in OTHERS else ():
         speed, line = float(turns[row]), int(toolpath.line[row])
         if not abs(speed) > 0.0:
             continue

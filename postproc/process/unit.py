@@ -16,7 +16,8 @@ from postproc.cell import Cell
 from postproc.errors import Finding, Severity, SourceRef
 from postproc.model import Cycle, CycleKind, Event, EventKind, MotionKind, ToolPath
 from postproc.process.feeds import feeds_of
-from postproc.process.strokes import peck_count, turns_at
+from postproc.process.spindle import turns_at
+from postproc.process.strokes import peck_count
 
 STAND_SPEED = 0.1
 """Speed [m/s] of the last way to where the robot stands while the unit drills."""

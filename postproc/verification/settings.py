@@ -29,6 +29,8 @@ _ON_THE_SPOT = 1e-5
 """Motions of the tool point shorter than this [m] are turns: digits of the text."""
 _SAME = 1e-3
 """Speeds and masses may differ by this share."""
+_PLANNED: dict[str, tuple[float, ...]] = {"$APO.CVEL": (), "$APO.CPTP": (100.0,), "$ADVANCE": ()}
+"""What a plan counts with besides the values of a delivered controller."""
 _WHY = {
     INITMOV: "speeds, frames and modes are left over from the program before",
     STOPMESS: "a stop of the robot does not stop the program",
@@ -49,7 +51,6 @@ def check_settings(run: Run) -> Iterator[Said]:
         if len(motions):
             yield from (Remark(*fault) for fault in _faults(run, settings, motions))
     yield from _turns_too_slowly(run)
-    yield from _changed(run, "$APO.CVEL")
     yield from _unset(run)
     yield from _load_data(run)
 
@@ -94,7 +95,7 @@ def _faults(
     if settings.advance == 0 and cell.krl.advance > 0 and is_cp.any():
         text = f"$ADVANCE is 0: an exact stop at every point, the cell has {cell.krl.advance}"
         yield RunKind.SETUP, first, text
-    yield from _ramps(cell, settings, first)
+    yield from _others(run, settings, first)
     yield from _shares(cell, settings, first, is_joint=not is_cp.all())
     top = cell.krl.path_speed_max
     if "$VEL.CP" in settings.done and settings.speed > top * (1.0 + _SAME):
@@ -118,18 +119,31 @@ def _orientation(
         yield RunKind.ORIENTATION, int(arcs[0]), text
 
 
-def _ramps(cell: Cell, settings: Settings, motion: int) -> Iterator[tuple[RunKind, int, str]]:
-    """Yield the first acceleration that is not the one every plan counts with."""
-    for name, value in settings.system:
-        expected = initial_values().get(name) if name.startswith("$ACC") else None
-        variable = system_variable(name)
-        if isinstance(expected, str) or expected is None or variable is None:
+def _others(run: Run, settings: Settings, motion: int) -> Iterator[tuple[RunKind, int, str]]:
+    """Yield the first setting that is neither as every plan counts with nor the cell's.
+
+    A plan knows of one look-ahead and of two ways to round joint motions, that of the delivered
+    controller and its own; what a program for another plan sets is its own affair.
+    """
+    initial = {k: float(v) for k, v in initial_values().items() if isinstance(v, float | int)}
+    counts = {name: [value] for name, value in initial.items() if name.startswith("$ACC")}
+    if run.has_file:
+        counts |= {name: [initial[name], *others] for name, others in _PLANNED.items()}
+        counts["$ADVANCE"] += [float(run.cell.krl.advance)]
+    for name, value in (*settings.system, ("$ADVANCE", float(settings.advance))):
+        expected, variable = counts.get(name), system_variable(name)
+        if not expected or variable is None or variable.name in run.cell.accept:
             continue
-        is_same = isinstance(value, float) and math.isclose(value, expected, rel_tol=_SAME)
-        if not is_same and variable.name not in cell.accept:
-            text = f"{name} is {value} {variable.unit}, expected {expected:g} as delivered: "
-            yield RunKind.SPEED, motion, f"{text}speeds are reached later than planned, or harder"
-            return
+        if isinstance(value, float) and any(
+            math.isclose(value, known, rel_tol=_SAME) for known in expected
+        ):
+            continue
+        unit, least = f" {variable.unit}".rstrip(), expected[-1]
+        is_ramp = name.startswith("$ACC")
+        why = "speeds are reached later than planned, or harder" if is_ramp else "the plan has not"
+        text = f"{name} is {value}{unit}, expected {least:g} as delivered: {why}"
+        yield RunKind.SPEED if is_ramp else RunKind.SETUP, motion, text
+        return
 
 
 def _turns_too_slowly(run: Run) -> Iterator[Said]:
@@ -152,17 +166,6 @@ def _turns_too_slowly(run: Run) -> Iterator[Said]:
         low, high = slow[rows[0]] / DEG, fast[rows[0]] / DEG
         text = f"$VEL.ORI1 and ORI2 are {low:g} and {high:g} deg/s, the cell has {asked / DEG:g}"
         yield Remark(RunKind.SPEED, int(rows[0]), f"{text}, {len(rows)} motions")
-
-
-def _changed(run: Run, name: str) -> Iterator[Said]:
-    """Report a setting that no planned motion needs and that is another from some motion on."""
-    trace = run.paths.trace
-    values = [dict(settings.system)[name] for settings in trace.settings]
-    used = np.array([values.index(value) for value in values] or [0])[trace.setting]
-    other = np.flatnonzero(used != used[:1])
-    if len(other):
-        text = f"{name} becomes {values[used[other[0]]]} between motions: nothing asks for that"
-        yield Remark(RunKind.SETUP, int(other[0]), text)
 
 
 def _has_load(tool: Tool, settings: Settings) -> bool:

@@ -32,7 +32,7 @@ NEEDS = {"holes.csv", "line.csv", "silent.apt"}
 def expected(job, who):
     """Exit code of convert, whether it warns, and the speed that the program starts with."""
     if job not in NEEDS:
-        return 0, False, 900 if job == "told.apt" else None
+        return 0, False, 900 if job == "told.apt" and who != "hand" else None
     if who == "speed":
         return 0, False, 3000
     return int(who == "program"), who == "silent", None

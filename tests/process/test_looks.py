@@ -50,6 +50,19 @@ def grid(n=40, seed=0):
     return points, normals / np.linalg.norm(normals, axis=1)[:, None]
 
 
+def test_one_normal_of_a_path_is_seen_wherever_it_stands():
+    missed = []
+    for n in (3, 5, 20):
+        points = np.column_stack([np.arange(n) * 0.02, np.zeros(n), np.zeros(n)])
+        for turned in (0, n // 2, n - 1):
+            axes = np.tile([0.0, 0.0, 1.0], (n, 1))
+            axes[turned] *= -1.0
+            feed = {"feed": np.full(n, 0.01)}
+            found = seen(cloud(points, axes, MotionKind.LINEAR, **feed)).get("turned")
+            missed += [(n, turned)] * (found is None or found.tag_index != turned)
+    assert not missed
+
+
 def test_a_good_cloud_shows_nothing():
     assert not seen(cloud(*grid()))
     assert not seen(cloud(*grid(1)))

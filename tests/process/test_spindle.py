@@ -1,10 +1,17 @@
 """The spindle of a CAM file: what the program adds, what is refused, what turns with it."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import pytest
 
-from postproc.process import switched_off
+from postproc.cell import SpindleStart, load_cell
+from postproc.model import EventKind
+from postproc.process import driven, start_findings, switched_off
 from postproc.readers import read
 
+CELL = Path(__file__).parents[2] / "fixtures" / "trim_5axis" / "cell.toml"
+CALLED = (EventKind.SPINDLE_ON, EventKind.SPINDLE_OFF)
 HEAD = "UNITS/MM\nLOADTL/1\n"
 CUT = "RAPID\nGOTO/0,0,50,0,0,1\nFEDRAT/600,MMPM\nGOTO/0,0,0\nGOTO/50,0,0\n"
 
@@ -119,3 +126,23 @@ def test_on_without_a_cycle_is_refused_where_points_follow(part):
     assert refused(part(f"UNITS/MM\nCYCLE/ON\n{drill}GOTO/0,0,0\n")) == []
     again = f"UNITS/MM\n{drill}GOTO/0,0,0\nCYCLE/CLEAR\nCYCLE/ON\nGOTO/9,0,0\n"
     assert refused(part(again)) == [("CYCLE/ON", (5,))]
+
+
+@pytest.mark.parametrize("who", ["unit", "hand", None])
+def test_who_drives_the_spindle_decides_what_is_called(part, who):
+    cell = load_cell(CELL)
+    process = replace(cell.process, spindle=who and SpindleStart(who), spindle_turns=20.0)
+    cell = replace(cell, process=process)
+    told = part(f"{HEAD}SPINDL/900,RPM,CLW\n{CUT}SPINDL/OFF\n")
+    bare = part(f"{HEAD}SPINDL/ON\n{CUT}")
+    speeds = [[round(e.value * 60) for e in driven(path, cell).events if e.kind in CALLED]
+              for path in (told, bare)]  # fmt: skip
+    assert speeds == ([[900, 0], [1200, 0]] if who is None else [[], []])
+    assert not start_findings(bare, cell)
+
+
+def test_a_spindle_without_a_speed_anywhere_is_an_error(part):
+    cell = load_cell(CELL)
+    cell = replace(cell, process=replace(cell.process, spindle_turns=0.0, spindle=None))
+    (found,) = start_findings(part(f"{HEAD}SPINDL/ON\n{CUT}"), cell)
+    assert (found.code, found.source.line) == ("PRC005", 3)

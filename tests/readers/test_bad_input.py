@@ -82,7 +82,6 @@ TABLE = [
     ("feed0.apt", MM + "FEDRAT/100\nGOTO/1,2,3\nFEDRAT/0\nFINI\n", "APT052", "above zero"),
     ("nofeed.apt", MM + "FEDRAT/100\nFEDRAT/\nFINI\n", "APT050", "no number"),
     ("feedword.apt", MM + "FEDRAT/100,PARSEC\nFINI\n", "APT051", "PARSEC"),
-    ("spindle.apt", MM + "SPINDL/CLW\nFINI\n", "APT053", "no speed"),
     ("twoarcs.apt", MM + "GOTO/1,0,0\nCIRCLE/0,0,0,0,0,1\nCIRCLE/0,0,0,0,0,1\nGOTO/0,1,0\nFINI\n",
      "APT035", "two arcs"),
     ("twoarcsend.apt", MM + "GOTO/1,0,0\nCIRCLE/0,0,0,0,0,1\nCIRCLE/0,0,0,0,0,1\nFINI\n",

@@ -9,6 +9,7 @@ import pytest
 from postproc.errors import ReadError
 from postproc.model import EventKind, MotionKind
 from postproc.process import stretches
+from postproc.readers import read as read_file
 
 DEG = math.pi / 180.0
 LENGTHS = {"mm": 1e-3, "m": 1.0, "in": 0.0254, "inch": 0.0254, "cm": 1e-2, "\u00b5m": 1e-6}
@@ -317,3 +318,27 @@ def test_the_spindle_follows_the_rows(read_text):
 def test_a_feed_per_turn_takes_the_speed_of_its_row(read_text):
     text = "x,y,z,i,j,k,depth,feed (mm/U),rpm\n0,0,0,0,0,1,5,0.1,3000\n9,0,0,0,0,1,5,0.1,-600\n"
     np.testing.assert_allclose(read_text(text, "t.csv").feed, [5e-3, 1e-3])
+
+
+ROW = "10,20,30,0,0,1\n"
+HEADERS = {
+    "X-Achse,Y-Achse,Z-Achse,i,j,k\n": 1e-3,
+    "Nominal X,Nominal Y,Nominal Z,I,J,K\n": 1e-3,
+    "Soll X,Soll Y,Soll Z,NX,NY,NZ\n": 1e-3,
+    "x,y,z,i,j,k\nmm,mm,mm,,,\n": 1e-3,
+    "x,y,z,i,j,k\n[mm],[mm],[mm],-,-,-\n": 1e-3,
+    "X,Y,Z,i,j,k\ninch,inch,inch,,,\n": 25.4e-3,
+    "X,Y,Z,i,j,k\n(cm),(cm),(cm),,,\n": 1e-2,
+}
+
+
+def test_units_below_the_header_and_other_words_for_a_coordinate(tmp_path):
+    wrong = []
+    for header, factor in HEADERS.items():
+        path = tmp_path / "points.csv"
+        path.write_text(header + ROW + ROW.replace("10,20", "110,20"))
+        toolpath = read_file(str(path))
+        first = np.array([10.0, 20.0, 30.0]) * factor
+        if len(toolpath) != 2 or not np.allclose(toolpath.points[0], first):
+            wrong.append((header, toolpath.points))
+    assert not wrong

@@ -57,6 +57,11 @@ HARMFUL = {
 }
 
 
+IN_THE_HEAD = ("$APO.CVEL=50", "$APO.CPTP=30", "$ADVANCE=1", "$ADVANCE=5", "$ACC.CP=1.0")
+NOWHERE = ("LIN_REL {Z 0}", "LIN_REL {X 0,Y 0,Z 0,A 0,B 0,C 0} C_DIS", "PTP_REL {A1 0}")
+LONG = "FOR I=1 TO 5000\r\nPTP_REL {A1 1.0}\r\nPTP_REL {A1 -1.0}\r\nENDFOR"
+
+
 @pytest.fixture(scope="module")
 def trimmed():
     """The verdict on the program with a line put in, below its tools and routines."""
@@ -64,9 +69,9 @@ def trimmed():
     asked = read(TRIM / "trim.cls")
     files = {path.name: path.read_bytes() for path in sorted((TRIM / "expected").iterdir())}
 
-    def of(line):
+    def of(line, place=IN_THE_CUT):
         text = files["trim.src"].decode("ascii")
-        before, found, behind = text.partition(IN_THE_CUT)
+        before, found, behind = text.partition(place)
         changed = f"{before}{line}\r\n{found}{behind}".encode("ascii")
         modules = parse_files({**files, "trim.src": changed})
         return verify(modules, "trim", cell, asked, collisions=False)
@@ -77,6 +82,22 @@ def trimmed():
 def test_what_does_harm_is_a_violation(trimmed):
     found = {line: {finding.code for finding in trimmed(line).violations} for line in HARMFUL}
     assert {line: codes for line, codes in found.items() if HARMFUL[line] not in codes} == {}
+
+
+def test_what_no_plan_counts_with_is_a_violation_in_the_head_too(trimmed):
+    place = "$VEL.CP="  # the first motion is behind it
+    passed = [line for line in IN_THE_HEAD if trimmed(line, place).ok]
+    passed += [line for line in NOWHERE if trimmed(line).ok]
+    assert not passed
+    assert trimmed("$ADVANCE=3\r\n$APO.CPTP=100\r\n$APO.CVEL=100", place).ok
+
+
+def test_a_counted_loop_is_too_long_and_one_without_a_way_out_endless(trimmed):
+    codes = {finding.code for finding in trimmed(LONG, "$VEL.CP=").violations}
+    assert "unjudged" in codes
+    assert "endless" not in codes
+    endless = LONG.replace("FOR I=1 TO 5000", "LOOP").replace("ENDFOR", "ENDLOOP")
+    assert "endless" in {finding.code for finding in trimmed(endless, "$VEL.CP=").violations}
 
 
 def test_a_program_without_a_motion_is_judged(trimmed):

@@ -158,10 +158,6 @@ def spindle_statement(state: AptState, statement: Statement, line: int) -> None:
         state.spindle = abs(_turns_per_second(state, words, value, line))
     elif {"ORIENT", "LOCK"} & set(words):
         return
-    elif isnan(state.spindle):
-        raise state.faults.error(
-            "APT053", "SPINDL has no speed and none was given before", line, statement.text
-        )
     if {"CCLW", "CCW"} & set(words) and value is not None and value < 0.0:
         state.uses.refuse(
             "SPINDL/CCLW", WordClass.PROCESS, line,

@@ -29,7 +29,7 @@ _WORD = re.compile(r"[^\W_]+")
 _NOISE_WORDS = (
     "coord coords coordinate coordinates koordinate koordinaten coordonnee pos position loc "
     "location point punkt value wert valeur tcp tool hole bohrung trou centre center in of de du "
-    "la le"
+    "la le achse axe nominal nom nominell soll sollwert theoretical theo theoretisch theorique"
 )
 _NOISE = frozenset(_NOISE_WORDS.split())
 """Words beside a role that do not change it."""

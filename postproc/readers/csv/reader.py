@@ -145,6 +145,7 @@ def _joined(columns: list[Column], parts: list[Rows], faults: Faults) -> Columns
     numeric, texts = _used(columns)
     line = np.concatenate([part.line for part in parts]).astype(np.int32)
     joined = Columns(line)
+    is_said = any(column.role == "motion" for column in columns)  # which rows are holes
     for at, column in enumerate(numeric):
         role = columns[column].role
         values = np.concatenate([part.numbers[:, at] for part in parts])
@@ -155,6 +156,14 @@ def _joined(columns: list[Column], parts: list[Rows], faults: Faults) -> Columns
                     "CSV005", f"{columns[column].name} is empty",
                     "it is that of the row before", int(line[empty[0]]),
                 )  # fmt: skip
+            elif role == "depth" and not is_said:
+                holes = empty[np.cumsum(~np.isnan(values))[empty] > 0]
+                if len(holes):
+                    faults.fix(
+                        "CSV123", f"{columns[column].name} is empty in {len(holes)} rows behind a "
+                        "hole: as deep as the row before, or no hole?",
+                        "as deep as the row before", int(line[holes[0]]),
+                    )  # fmt: skip
             values = _filled(values, empty, role, line, faults)
         joined.numbers[role] = values
     for column in texts:

@@ -25,6 +25,7 @@ from postproc.readers.text import (
     trim_start,
 )
 from postproc.records import dataclass
+from postproc.units import unit_named
 
 _SAMPLE_ROWS = 200
 _WIDEST_TEXT = 48
@@ -34,6 +35,8 @@ _COMMENTS = ("#", "//", "%")
 _COMMENT_BYTES = np.frombuffer(b"#/%", dtype=np.uint8)
 _SEPARATOR = re.compile(r'^"?sep=(.?)"?$', re.IGNORECASE)
 """First line by which a spreadsheet says its separator."""
+_NO_UNIT = frozenset({"", "-"})
+"""What a row of units holds below a column that has none."""
 _DECIMAL_COMMA = re.compile(r"^\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*$")
 
 
@@ -54,6 +57,8 @@ class Layout:
     first_row_line: int = 0
     has_gaps_at_end: bool = False
     """The last column holds values, and is left empty in some rows."""
+    unit_line: int = 0
+    """Number of the row below the header that names the units, 0 without one."""
 
 
 @dataclass(slots=True)
@@ -103,13 +108,16 @@ def layout_of(block: TextBlock, faults: Faults) -> Layout:
     has_header = _is_header(fields, decimal_comma)
     header = tuple(fields[0]) if has_header else None
     body = fields[1:] if has_header else fields
+    units = header is not None and bool(body) and _are_units(body[0])
+    if header is not None and units:
+        header, body = tuple(map(_with_unit, header, body[0])), body[1:]
     if not body:
         raise faults.error("CSV002", "a header but no row of data", rows[0][0])
     width = len(header) if header is not None else _usual_width(body)
-    at = 1 if has_header else 0
+    at = int(has_header) + int(units)
     return Layout(
         separator, decimal_comma, width, header, rows[0][0] if has_header else 0,
-        tuple(body[0]), rows[at][0], _has_gaps_at_end(body),
+        tuple(body[0]), rows[at][0], _has_gaps_at_end(body), rows[1][0] if units else 0,
     )  # fmt: skip
 
 
@@ -171,6 +179,18 @@ def _is_header(fields: list[list[str]], decimal_comma: bool) -> bool:
     if all(numeric) or sum(numeric) >= 3:
         return False
     return not any(numeric)
+
+
+def _are_units(row: list[str]) -> bool:
+    """Return whether a row holds nothing but names of units and fields without one."""
+    names = [part.strip("[]() ") for part in row]
+    known = [unit_named(name) is not None for name in names]
+    return any(known) and all(k or name in _NO_UNIT for k, name in zip(known, names, strict=True))
+
+
+def _with_unit(name: str, unit: str) -> str:
+    plain = unit.strip("[]() ")
+    return name if plain in _NO_UNIT else f"{name} [{plain}]"
 
 
 def _has_gaps_at_end(rows: list[list[str]]) -> bool:
@@ -275,10 +295,10 @@ def _fields(
     count = np.searchsorted(begin, line_ends) - first
     quoted = b'"' in data
     wanted = layout.width if layout.separator == _BLANK else layout.width - 1
-    header = starts_of_header(layout, block)
+    header = [line - block.first_line for line in (layout.header_line, layout.unit_line) if line]
+    header = [row for row in header if 0 <= row < len(starts)]
     plain = (count == wanted) & ~np.isin(buffer[starts], _COMMENT_BYTES)
-    if header is not None:
-        plain[header] = False
+    plain[header] = False
     if quoted:
         marks = np.flatnonzero(buffer == ord('"'))
         plain &= np.searchsorted(marks, starts) == np.searchsorted(marks, line_ends)
@@ -295,16 +315,10 @@ def _fields(
     odd = [
         (block.first_line + int(line), decoded(block.data[starts[line] : line_ends[line]]).strip())
         for line in rest.tolist()
-        if line != header
+        if line not in header
     ]
     odd = [(line, text) for line, text in odd if text and not is_comment(text)]
     return begins, ends, rows + block.first_line, odd
-
-
-def starts_of_header(layout: Layout, block: TextBlock) -> int | None:
-    """Return the line index of the header in this block, None if it is not in it."""
-    at = layout.header_line - block.first_line
-    return at if layout.header_line and at >= 0 else None
 
 
 def _blank_fields(buffer: ByteArray) -> tuple[IndexArray, IndexArray]:

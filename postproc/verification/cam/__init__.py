@@ -12,6 +12,7 @@ from postproc.verification.cam.holes import check_holes, check_strokes
 from postproc.verification.cam.leaving import (
     check_leaving,
     check_relative,
+    check_still,
     check_unasked,
     leads_in,
 )
@@ -41,6 +42,7 @@ CHECKS: tuple[Callable[[Run, Match], Iterator[Said]], ...] = (
     check_leaving,
     check_unasked,
     check_relative,
+    check_still,
     check_approximation,
     check_joint_speeds,
     check_events,

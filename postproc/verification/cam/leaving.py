@@ -34,6 +34,8 @@ from postproc.verification.report import AT_MOST, Remark, Said, listed
 from postproc.verification.run import Run
 
 _SLACK = 0.05 * MM
+_DIGIT = 5e-8
+"""A shorter motion [m] or turn [rad] is none: program text has 0.1 um."""
 _STILL = 1e-6
 """A motion shorter than this [m] goes nowhere, if no joint turns more [rad]."""
 
@@ -131,6 +133,24 @@ def check_unasked(run: Run, match: Match) -> Iterator[Said]:
     for number in joint[off <= near][:AT_MOST].tolist():
         text = "a joint motion back to where a cut has ended"
         yield Remark(RunKind.PATH, number, text)
+
+
+def check_still(run: Run, _match: Match) -> Iterator[Said]:
+    """Yield motions that go nowhere right behind one that cuts: the tool stands in the material.
+
+    A sub-program begins with a joint motion to where the one before it ended.
+    """
+    paths, trace = run.paths, run.paths.trace
+    curves = paths.curves
+    on_path = trace.is_cp & (curves.length < _DIGIT) & (curves.angle < _DIGIT)
+    stands = paths.stands | on_path
+    is_head = np.append(True, np.diff(trace.file) != 0)[: len(stands)]
+    is_head &= ~trace.is_cp & trace.is_axes & ~trace.is_relative
+    before = np.maximum.accumulate(np.where(stands, -1, np.arange(len(stands))))
+    cuts = stands & ~is_head & (before >= 0) & (run.cuts.number[before] >= 0)
+    for motion, more in listed(np.flatnonzero(cuts), "motions"):
+        text = f"a motion that goes nowhere: the tool stands where it cuts{more}"
+        yield Remark(RunKind.PATH, motion, text)
 
 
 def check_relative(run: Run, match: Match) -> Iterator[Said]:
