@@ -29,8 +29,8 @@ _ON_THE_SPOT = 1e-5
 """Motions of the tool point shorter than this [m] are turns: digits of the text."""
 _SAME = 1e-3
 """Speeds and masses may differ by this share."""
-_PLANNED: dict[str, tuple[float, ...]] = {"$APO.CVEL": (), "$APO.CPTP": (100.0,), "$ADVANCE": ()}
-"""What a plan counts with besides the values of a delivered controller."""
+PLANNED_CPTP = 100.0
+"""$APO.CPTP [%] of our programs: joint motions are rounded as far as the controller can."""
 _WHY = {
     INITMOV: "speeds, frames and modes are left over from the program before",
     STOPMESS: "a stop of the robot does not stop the program",
@@ -122,14 +122,15 @@ def _orientation(
 def _others(run: Run, settings: Settings, motion: int) -> Iterator[tuple[RunKind, int, str]]:
     """Yield the first setting that is neither as every plan counts with nor the cell's.
 
-    A plan knows of one look-ahead and of two ways to round joint motions, that of the delivered
-    controller and its own; what a program for another plan sets is its own affair.
+    Look-ahead and the rounding of joint motions are those of the delivered controller or of the
+    plan; what a program of another plan sets there is its own affair.
     """
     initial = {k: float(v) for k, v in initial_values().items() if isinstance(v, float | int)}
-    counts = {name: [value] for name, value in initial.items() if name.startswith("$ACC")}
+    delivered = [name for name in initial if name.startswith(("$ACC", "$APO.CVEL"))]
+    counts = {name: [initial[name]] for name in delivered}
     if run.has_file:
-        counts |= {name: [initial[name], *others] for name, others in _PLANNED.items()}
-        counts["$ADVANCE"] += [float(run.cell.krl.advance)]
+        counts["$APO.CPTP"] = [initial["$APO.CPTP"], PLANNED_CPTP]
+        counts["$ADVANCE"] = [initial["$ADVANCE"], float(run.cell.krl.advance)]
     for name, value in (*settings.system, ("$ADVANCE", float(settings.advance))):
         expected, variable = counts.get(name), system_variable(name)
         if not expected or variable is None or variable.name in run.cell.accept:

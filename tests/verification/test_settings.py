@@ -89,7 +89,7 @@ def test_what_is_not_judged_is_refused_and_can_be_accepted(cell, line):
         ([at(0, 0, 0).replace("}", ",E1 300}")], "external"),
         (["REPEAT", at(0, 0, 0), at(5, 0, 0), "UNTIL FALSE"], "endless"),
         (["AGAIN:", at(0, 0, 0), at(5, 0, 0), "GOTO AGAIN"], "endless"),
-        (["FOR i=1 TO 100000000", "$OUT[1]=TRUE", "ENDFOR"], "endless"),
+        (["FOR i=1 TO 100000000", "$OUT[1]=TRUE", "ENDFOR"], "unjudged"),
     ],
 )
 def test_what_is_in_force_is_judged(cell, lines, expected):
