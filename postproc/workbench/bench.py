@@ -95,6 +95,12 @@ class Bench:
 
     def _told(self, number: int, what: str, content: Any) -> None:  # noqa: ANN401 - of its kind
         """Take what the planner tells of an order."""
+        self._take(number, what, content)
+        if what == "plan" and self._shown and len(self._shown.conversion.toolpath):
+            with self._asking:  # the solids are built before somebody drags
+                self._shown.poses.at(0, 0.0)
+
+    def _take(self, number: int, what: str, content: Any) -> None:  # noqa: ANN401 - of its kind
         with self._lock:
             if number != self._number:
                 return

@@ -17,9 +17,10 @@ from postproc.kinematics import wrist_distance
 from postproc.model import Plan
 from postproc.planning.checks import Checker, Reason, moves_of_tags, near_solids
 from postproc.planning.maps.spin_map import CLASS_OF, SpinClass
-from postproc.planning.maps.tags import Place, at_places
+from postproc.planning.maps.tags import axes_of
 from postproc.planning.planner import checker_of
 from postproc.planning.states import (
+    UPRIGHT,
     PlanOptions,
     Postures,
     evaluate,
@@ -28,6 +29,7 @@ from postproc.planning.states import (
     settle,
     spin_values,
 )
+from postproc.process import claimed
 from postproc.records import dataclass
 from postproc.units import DEG
 
@@ -59,6 +61,16 @@ class TagPose:
     base: int = 0
 
 
+@dataclass(frozen=True, slots=True)
+class _Stretch:
+    """Tags that one tool serves in one base, the external axes where the plan has them."""
+
+    low: int
+    high: int
+    checker: Checker
+    cell: Cell
+
+
 class TagPoses:
     """The tags of a plan in its cell, each asked at any spin."""
 
@@ -67,47 +79,52 @@ class TagPoses:
         self._plan = plan
         self._cell, self._settings = settle(cell, PlanOptions())
         self._moves = moves_of_tags(plan)
-        self._checkers: dict[int, Checker] = {}
 
     @cached_property
-    def _places(self) -> list[Place]:
-        return list(at_places(self._plan, self._cell, self._moves))
-
-    def _checker(self, number: int) -> Checker:
-        if number not in self._checkers:
-            place = self._places[number]
-            self._checkers[number] = checker_of(place.toolpath, place.cell, self._settings)
-        return self._checkers[number]
+    def _stretches(self) -> list[_Stretch]:
+        plan, found = self._plan, []
+        axes = axes_of(plan, self._cell, self._moves) if self._cell.external_axes else None
+        for part in claimed(plan.toolpath, self._cell).stretches():
+            if part.is_claimed:
+                rows = np.arange(part.low, part.high)
+                cell = self._cell.with_tool(part.tool, part.base)
+                external = None if axes is None else axes[rows]
+                checker = checker_of(plan.toolpath.rows(rows), cell, self._settings, external)
+                found.append(_Stretch(part.low, part.high, checker, cell))
+        return found
 
     def at(self, tag: int, spin: float) -> TagPose | None:
-        """Return the pose of a tag at a spin [rad]; None for a tag that nothing claims."""
-        number = next((k for k, p in enumerate(self._places) if tag in p.tags), None)
-        if number is None:
+        """Return the pose of a tag at a spin [rad], best of all postures and tilts it may have.
+
+        The posture of the plan is kept where it will do. None for a tag that nothing claims.
+        """
+        part = next((part for part in self._stretches if part.low <= tag < part.high), None)
+        if part is None:
             return None
-        place, checker = self._places[number], self._checker(number)
-        own, spins = np.array([tag - place.first]), rounded_spin([spin])
+        checker, own = part.checker, tag - part.low
         problem, move = checker.problem, int(self._moves[tag])
-        T = problem.placement.tcp(own, spins)
-        found = postures(problem, own, T, self._near(tag))
-        tool, base = place.cell.tool_index, place.cell.base_index
-        rows = np.flatnonzero(found.good[0])
-        if not len(rows):
+        tilts = problem.tilts if problem.placement.may_tilt[own] else UPRIGHT
+        attitude = np.column_stack([np.full(len(tilts), rounded_spin(spin)), tilts])
+        tags = np.full(len(tilts), own)
+        T = problem.placement.tcp(tags, attitude)
+        found = postures(problem, tags, T, self._near(np.array([tag]))[0])
+        row, branch = np.nonzero(found.good)
+        tool, base = part.cell.tool_index, part.cell.base_index
+        if not len(row):
             return replace(_ruled_out(checker, found), tool=tool, base=base)
-        q = found.q[0, rows]
-        of_row = np.zeros(len(rows), dtype=np.int64)
-        verdict = checker.states(own[of_row], q, spins[of_row], rows)
-        index = evaluate(problem, own[of_row], spins[of_row], T[of_row], q)[1]
-        kept = rows == self._plan.branch[move] if move >= 0 else np.zeros(len(rows), np.bool_)
-        order = np.lexsort((-np.nan_to_num(index), ~kept, ~verdict.good))
-        best = int(order[0])
-        pair = checker.pairs[verdict.pair[best]] if verdict.pair[best] >= 0 else ()
+        q = found.q[row, branch]
+        index = evaluate(problem, tags[row], attitude[row, 0], T[row], q)[1]
+        kept = branch == self._plan.branch[move] if move >= 0 else np.zeros(len(row), np.bool_)
+        order = np.lexsort((-np.nan_to_num(index), ~kept))
+        best, kind, pair = self._first_free(checker, order, tags[row], q, attitude[row], branch)
+        poses = np.hstack([q[[best]], problem.placement.external[[own]]])
         margin, wrist = _margins(checker, q[best])
         return TagPose(
-            kind=CLASS_OF[Reason(int(verdict.reason[best]))],
+            kind=kind,
             q=q[best],
             pair=pair,
-            point=self._meeting(checker, q[best], pair),
-            clearance=self._clearance(checker, own, q[best]),
+            point=_meeting(checker, poses, pair),
+            clearance=_clearance(checker, own, poses),
             stiffness=float(index[best]),
             turned=bool(move >= 0 and not kept[best]),
             margin=margin,
@@ -116,41 +133,47 @@ class TagPoses:
             base=base,
         )
 
-    def _near(self, tag: int) -> FloatArray:
-        """Return the joints (6,) whose turns are kept: those of the plan."""
-        move = int(self._moves[tag])
-        if move >= 0:
-            return np.asarray(self._plan.q[move])
-        robot = self._cell.robot
-        return np.asarray(0.5 * (robot.q_min + robot.q_max))
+    @staticmethod
+    def _first_free(
+        checker: Checker,
+        order: IndexArray,
+        tags: IndexArray,
+        q: FloatArray,
+        attitude: FloatArray,
+        branch: IndexArray,
+    ) -> tuple[int, SpinClass, tuple[str, ...]]:
+        """Return the first free of rows (m,) in an order, else the first: why not, what hits."""
+        shown: tuple[int, SpinClass, tuple[str, ...]] | None = None
+        for row in order.tolist():
+            verdict = checker.states(tags[[row]], q[[row]], attitude[[row]], branch[[row]])
+            pair = int(verdict.pair[0])
+            kind = CLASS_OF[Reason(int(verdict.reason[0]))]
+            now = row, kind, checker.pairs[pair] if pair >= 0 else ()
+            if kind is SpinClass.FREE:
+                return now
+            shown = shown or now
+        return shown or (0, SpinClass.UNREACHABLE, ())
 
-    def _meeting(self, checker: Checker, q: FloatArray, pair: tuple[str, ...]) -> FloatArray | None:
-        if not pair or checker.scene is None:
-            return None
-        return checker.scene.meeting_point(q, checker.scene.pairs.index((pair[0], pair[1])))
-
-    def _clearance(self, checker: Checker, own: IndexArray, q: FloatArray) -> float:
-        if checker.scene is None:
-            return np.nan
-        most = near_solids(checker.problem.cell)
-        contact = checker.problem.is_contact[own]
-        near = float(checker.scene.nearest(q[None], contact, most)[0][0])
-        return near if near < most else np.inf
+    def _near(self, tags: IndexArray) -> FloatArray:
+        """Return the joints (t, 6) whose turns are kept: those of the plan, else their middle."""
+        robot, moves = self._cell.robot, self._moves[tags]
+        middle = 0.5 * (robot.q_min + robot.q_max)
+        near = np.tile(middle, (len(tags), 1))
+        near[moves >= 0] = self._plan.q[moves[moves >= 0]]
+        return near
 
     def reach(self) -> tuple[IntArray, FloatArray]:
         """Return class (n,) and stiffness (n,) [N/m] of all tags, at the spin nearest to the plan.
 
-        The spin of the plan first, then others; strokes are not asked.
+        The pose of the plan first, then turned about the tool axis; strokes are not asked.
         """
         n = len(self._plan.toolpath)
         kind, stiffness = np.full(n, SpinClass.UNREACHABLE, dtype=np.int32), np.full(n, np.nan)
         grid = spin_values(_STEP, *self._cell.optimize.range)
-        for number, place in enumerate(self._places):
-            checker = self._checker(number)
-            left = place.tags
+        for part in self._stretches:
+            left = np.arange(part.low, part.high)
             for turn in (0.0, *grid[np.argsort(np.abs(grid), kind="stable")]):
-                spins = rounded_spin(self._spins(left) + turn)
-                found, index = self._standing(checker, left - place.first, spins, left)
+                found, index = self._standing(part, left, turn)
                 stiffness[left] = np.where(found == SpinClass.FREE, index, stiffness[left])
                 kind[left] = np.minimum(kind[left], found)
                 left = left[found != SpinClass.FREE]
@@ -158,28 +181,34 @@ class TagPoses:
                     break
         return kind, stiffness
 
-    def _spins(self, tags: IndexArray) -> FloatArray:
-        """Return the spin (t,) of the plan [rad], 0 for a tag without a move."""
-        moves = self._moves[tags]
+    def _turned(
+        self, part: _Stretch, tags: IndexArray, turn: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return spin (t,) [rad] and pose (t, 4, 4) turned from the plan, its tilt kept."""
+        place, moves = part.checker.problem.placement, self._moves[tags]
+        own, has = tags - part.low, moves >= 0
         spins = np.zeros(len(tags))
-        spins[moves >= 0] = self._plan.spin[moves[moves >= 0]]
-        return np.nan_to_num(spins)
+        spins[has] = np.nan_to_num(self._plan.spin[moves[has]])
+        T = place.tcp(own, rounded_spin(spins + turn))
+        upright = place.tcp(own[has], rounded_spin(spins[has]))[:, :3, :3]
+        tilt = self._plan.T_base_tcp[moves[has], :3, :3] @ np.swapaxes(upright, 1, 2)
+        T[has, :3, :3] = tilt @ T[has, :3, :3]
+        return spins + turn, T
 
     def _standing(
-        self, checker: Checker, own: IndexArray, spins: FloatArray, tags: IndexArray
+        self, part: _Stretch, tags: IndexArray, turn: float
     ) -> tuple[IntArray, FloatArray]:
-        """Return class (t,) and stiffness (t,) at spins (t,), the posture of the plan first."""
-        problem = checker.problem
-        T = problem.placement.tcp(own, spins)
-        near = np.stack([self._near(int(tag)) for tag in tags])[:, None]
-        found = postures(problem, own, T, near)
+        """Return class (t,) and stiffness (t,) of tags turned by ``turn``, in any posture."""
+        checker, own = part.checker, tags - part.low
+        spins, T = self._turned(part, tags, turn)
+        found = postures(checker.problem, own, T, self._near(tags)[:, None])
         kind = _without_collision(found)
         moves = self._moves[tags]
-        branch = np.where(moves >= 0, self._plan.branch[np.maximum(moves, 0)], -1)
+        branch = np.full(len(tags), -1)
+        branch[moves >= 0] = self._plan.branch[moves[moves >= 0]]
         order = np.argsort(np.arange(found.good.shape[1]) != branch[:, None], axis=1, kind="stable")
         index = np.full(len(tags), np.nan)
-        for rank in range(found.good.shape[1]):
-            slot = order[:, rank]
+        for slot in order.T:
             rows = np.flatnonzero(found.good[np.arange(len(own)), slot] & (kind != SpinClass.FREE))
             if not len(rows):
                 continue
@@ -187,8 +216,25 @@ class TagPoses:
             free = checker.poses(own[rows], q).good
             kind[rows] = np.where(free, SpinClass.FREE, SpinClass.COLLISION)
             some = rows[free]
-            index[some] = evaluate(problem, own[some], spins[some], T[some], q[free])[1]
+            index[some] = evaluate(checker.problem, own[some], spins[some], T[some], q[free])[1]
         return kind, index
+
+
+def _meeting(checker: Checker, poses: FloatArray, pair: tuple[str, ...]) -> FloatArray | None:
+    """Return where (3,) the solids of a pair meet in a pose (1, 6 + k)."""
+    if not pair or checker.scene is None:
+        return None
+    number = checker.scene.pairs.index((pair[0], pair[1]))
+    return checker.scene.meeting_point(poses[0], number)
+
+
+def _clearance(checker: Checker, own: int, poses: FloatArray) -> float:
+    """Return how near solids are in a pose (1, 6 + k) at a tag, infinite where none is near."""
+    if checker.scene is None:
+        return np.nan
+    most = near_solids(checker.problem.cell)
+    near = float(checker.scene.nearest(poses, checker.problem.is_contact[[own]], most)[0][0])
+    return near if near < most else np.inf
 
 
 def _margins(checker: Checker, q: FloatArray) -> tuple[float, float]:
@@ -199,13 +245,13 @@ def _margins(checker: Checker, q: FloatArray) -> tuple[float, float]:
 
 
 def _ruled_out(checker: Checker, found: Postures) -> TagPose:
-    """Return the posture to show of a pose that reach, limits or singularity rule out."""
-    for kind, rows in (
-        (SpinClass.SINGULAR, found.inside[0]),
-        (SpinClass.JOINT_LIMIT, found.reached[0]),
+    """Return the posture to show of poses that reach, limits or singularity rule out."""
+    for kind, slots in (
+        (SpinClass.SINGULAR, found.inside),
+        (SpinClass.JOINT_LIMIT, found.reached),
     ):
-        if rows.any():
-            q = found.q[0, int(np.argmax(rows))]
+        if slots.any():
+            q = found.q[slots][0]
             margin, wrist = _margins(checker, q)
             return TagPose(kind, q, margin=margin, wrist=wrist)
     return TagPose(SpinClass.UNREACHABLE)

@@ -41,7 +41,7 @@ def at_places(plan: Plan, cell: Cell, moves: IndexArray) -> Iterator[Place]:
         moves: (n,) from ``moves_of_tags``.
     """
     claims = claimed(plan.toolpath, cell)
-    axes = _axes(plan, cell, moves) if cell.external_axes else None
+    axes = axes_of(plan, cell, moves) if cell.external_axes else None
     for stretch in claims.stretches():
         if not stretch.is_claimed:
             continue
@@ -55,7 +55,7 @@ def at_places(plan: Plan, cell: Cell, moves: IndexArray) -> Iterator[Place]:
             yield Place(cell_at(whole, values), whole, part, stretch.low, own)
 
 
-def _axes(plan: Plan, cell: Cell, moves: IndexArray) -> FloatArray:
+def axes_of(plan: Plan, cell: Cell, moves: IndexArray) -> FloatArray:
     """Return where the external axes stand (n, k) for each tag [m or rad]."""
     known = moves >= 0
     if not known.any():
