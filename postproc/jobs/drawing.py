@@ -26,6 +26,7 @@ def drawing_of(cell: Cell, *, every: bool = False) -> Drawing:
         cell,
         kinematics.link_frames(zero),
         kinematics.jacobian(zero)[3:, :].T,
+        kinematics.fk(zero),
         tuple(
             Solid(body.name, body.kind, body.link, body.vertices, body.faces, tool, bases)
             for body, tool, bases in thinned

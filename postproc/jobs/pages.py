@@ -53,10 +53,6 @@ def workbench_data(conversion: Conversion) -> bytes:
     columns = tag_columns(plan, cell, maps, text)
     data = program_data(plan, drawing_of(cell, every=True), maps, findings, text, columns)
     data["lead"] = lead(plan, maps, columns, findings)
-    data["findings"] = [
-        [str(finding), finding.hint or "", str(finding.severity), finding.tag_index]
-        for finding in findings
-    ]
     return page_json(data)
 
 

@@ -48,6 +48,7 @@ def test_a_click_on_a_tag_sends_the_robot_there(page, data, holes):
     np.testing.assert_allclose(shown["tip"], T[:3, 3], atol=1e-6)
     # and the tool point lies at the hole, at the bottom of its stroke
     tip = build(cell.robot).fk(np.asarray(shown["angles"])) @ cell.tool.T_flange_tcp
+    np.testing.assert_allclose(shown["toolTip"], tip[:3, 3], atol=1e-6)
     in_part = np.linalg.inv(cell.T_robroot_base) @ tip
     off = in_part[:3, 3] - data["tag_positions"][7]
     np.testing.assert_allclose(off, -0.006 * data["tag_axes"][7] - 0.0 * off, atol=2.1e-3)

@@ -1,10 +1,10 @@
 // Line charts as SVG: axes, lines, levels, marks, a cursor.
 import { LINE_COLOURS } from "./colours.js";
-import { svgElement } from "./dom.js";
-import { extent } from "./numbers.js";
+import { element, svgElement } from "./dom.js";
+import { extent, spell } from "./numbers.js";
 
 const MARGIN = { left: 58, right: 12, top: 22, bottom: 34 };
-const INK = "#1b2733";
+const INK = "currentColor";
 const LEVEL = "#c62828";
 
 // round values between low and high, about n of them
@@ -94,7 +94,7 @@ function addGrid(svg, axes, xLabel, yLabel) {
   const { width, height, toX, toY } = axes;
   const end = { "text-anchor": "end" };
   for (const v of ticks(...axes.y, 5)) {
-    addLevel(svg, axes, v, { stroke: "#e3e8ec" });
+    addLevel(svg, axes, v, { stroke: "currentColor", "stroke-opacity": 0.12 });
     addText(svg, MARGIN.left - 6, toY(v) + 4, end, v.toLocaleString("en"));
   }
   const below = height - MARGIN.bottom + 14;
@@ -147,6 +147,7 @@ function addCursor(svg, { height, toX }) {
   const style = { stroke: INK, "stroke-width": 1, visibility: "hidden" };
   const line = svgElement("line", { ...ends, ...style }, svg);
   return (x) => {
+    if (x === null) return line.setAttribute("visibility", "hidden");
     const at = toX(x).toFixed(1);
     line.setAttribute("x1", at);
     line.setAttribute("x2", at);
@@ -154,17 +155,120 @@ function addCursor(svg, { height, toX }) {
   };
 }
 
-function listen(svg, { width, fromX }, onPick) {
-  svg.addEventListener("click", (event) => {
-    const box = svg.getBoundingClientRect();
-    onPick(fromX(((event.clientX - box.left) / box.width) * width));
+// where the pointer is in the values of the x axis
+function valueAt(svg, { width, fromX }, { clientX }) {
+  const box = svg.getBoundingClientRect();
+  return fromX(((clientX - box.left) / box.width) * width);
+}
+
+// the index of the value nearest to x in rising values
+export function nearestIndex(values, x) {
+  let best = 0;
+  for (let i = 1; i < values.length; i++) {
+    if (Math.abs(values[i] - x) < Math.abs(values[best] - x)) best = i;
+  }
+  return best;
+}
+
+// lines within a range of x, one value more at either end
+export function within(series, [low, high]) {
+  return series.map((line) => {
+    const kept = Array.from(line.x, (_, i) => i).filter(
+      (i) => (line.x[i + 1] ?? line.x[i]) >= low && (line.x[i - 1] ?? line.x[i]) <= high,
+    );
+    return { ...line, x: kept.map((i) => line.x[i]), y: kept.map((i) => line.y[i]) };
   });
+}
+
+// the values of lines as CSV, one row per value
+export function csvOf(series, xLabel) {
+  const rows = series.flatMap(({ name, x, y }) =>
+    Array.from(x, (v, i) => `"${name ?? ""}",${v},${Number.isFinite(y[i]) ? y[i] : ""}`),
+  );
+  return ["line," + JSON.stringify(xLabel) + ",value", ...rows].join("\n") + "\n";
+}
+
+function addExport(host, { series, xLabel }) {
+  const save = element("a", { textContent: "CSV", className: "export", href: "#" });
+  save.download = `${host.id || "chart"}.csv`;
+  save.addEventListener("click", () => {
+    save.href = URL.createObjectURL(new Blob([csvOf(series, xLabel)], { type: "text/csv" }));
+  });
+  host.append(save);
+}
+
+// says the values under the pointer
+function addHover(svg, axes, series) {
+  const tip = svgElement("text", { y: MARGIN.top + 12, class: "tip" }, svg, "");
+  const line = addCursor(svg, axes);
+  const hide = () => {
+    tip.textContent = "";
+    line(null);
+  };
+  svg.addEventListener("pointerleave", hide);
+  svg.addEventListener("pointermove", (event) => {
+    const x = valueAt(svg, axes, event);
+    if (x < axes.x[0] || x > axes.x[1]) return hide();
+    const seen = series
+      .map(({ name, x: at, y }) => [name, y[nearestIndex(at, x)]])
+      .filter(([, value]) => Number.isFinite(value));
+    tip.textContent = [spell(x), ...seen.map(([name, v]) => `${name ?? ""} ${spell(v)}`)].join(
+      "  ",
+    );
+    const left = axes.toX(x) > axes.width / 2;
+    tip.setAttribute("x", axes.toX(x) + (left ? -6 : 6));
+    tip.setAttribute("text-anchor", left ? "end" : "start");
+    line(x);
+  });
+}
+
+// the wheel zooms about the pointer, a double click shows all
+function addZoom(svg, axes, whole, redraw) {
+  svg.addEventListener(
+    "wheel",
+    (event) => {
+      if (!event.ctrlKey && !event.shiftKey) return;
+      event.preventDefault();
+      const x = valueAt(svg, axes, event);
+      const by = (event.deltaY || event.deltaX) > 0 ? 1.3 : 0.7;
+      const [low, high] = axes.x.map((end) => x + by * (end - x));
+      redraw([Math.max(whole[0], low), Math.min(whole[1], high)]);
+    },
+    { passive: false },
+  );
+  svg.addEventListener("dblclick", () => redraw(null));
 }
 
 // Draws lines into an element and returns {move(x)} for its cursor; null without values.
 // series: [{name, x, y, colour, dash, dots}], marks: [{x, y, colour, text}], levels: [{y}]
 export function lineChart(host, chart) {
-  const { series, xLabel, yLabel, marks = [], levels = [], height = 220, onPick } = chart;
+  let cursor = null;
+  let at = null;
+  const redraw = (range) => {
+    cursor = drawChart(host, chart, range, redraw);
+    if (at !== null) cursor?.(at);
+  };
+  redraw(null);
+  const move = (x) => {
+    at = x;
+    cursor?.(x);
+  };
+  return cursor ? { move } : null;
+}
+
+// what does not change under the pointer: grid, levels, lines, marks
+function addContent(svg, axes, series, { xLabel, yLabel, marks = [], levels = [] }) {
+  addGrid(svg, axes, xLabel, yLabel);
+  for (const { y } of levels) addLevel(svg, axes, y, { stroke: LEVEL, "stroke-dasharray": "4 3" });
+  addLines(svg, axes, series, MARGIN.left + 34 + 6 * yLabel.length);
+  for (const mark of marks) {
+    if (mark.x >= axes.x[0] && mark.x <= axes.x[1]) addMark(svg, axes, mark);
+  }
+}
+
+function drawChart(host, chart, range, redraw) {
+  const { levels = [], height = 220, onPick } = chart;
+  const series = range ? within(chart.series, range) : chart.series;
   host.textContent = "";
   const axes = chartAxes(series, levels, Math.max(300, host.clientWidth || 600), height);
   if (!axes) {
@@ -173,11 +277,12 @@ export function lineChart(host, chart) {
   }
   const size = { viewBox: `0 0 ${axes.width} ${height}`, width: "100%" };
   const svg = svgElement("svg", { ...size, class: "chart" }, host);
-  addGrid(svg, axes, xLabel, yLabel);
-  for (const { y } of levels) addLevel(svg, axes, y, { stroke: LEVEL, "stroke-dasharray": "4 3" });
-  addLines(svg, axes, series, MARGIN.left + 34 + 6 * yLabel.length);
-  for (const mark of marks) addMark(svg, axes, mark);
-  const move = addCursor(svg, axes);
-  if (onPick) listen(svg, axes, onPick);
-  return { move };
+  svgElement("title", {}, svg, "point to read, Ctrl and wheel to zoom, double click for all");
+  addContent(svg, axes, series, chart);
+  const cursor = addCursor(svg, axes);
+  addHover(svg, axes, series);
+  addZoom(svg, axes, extent(chart.series.map((s) => s.x)), redraw);
+  addExport(host, chart);
+  if (onPick) svg.addEventListener("click", (event) => onPick(valueAt(svg, axes, event)));
+  return cursor;
 }

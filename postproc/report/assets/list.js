@@ -23,7 +23,8 @@ export function scrollTo(k, scrollTop, height) {
   return k >= 0 && hidden ? Math.max(0, at - height / 2) : scrollTop;
 }
 
-// fields: [[name, i => value]]; failed: i => text, "" for a row that is good; select: i => {}
+// fields: [[name, i => value]]; failed: i => text, "" for a row that is good; select: i => {};
+// grades: state of each row, where it has one
 export class RowList {
   #order;
   #visible;
@@ -43,6 +44,10 @@ export class RowList {
     window.onbeforeprint = () => this.#print(true);
     window.onafterprint = () => this.#print(false);
     byId("failing")?.addEventListener("change", () => this.#filter(0));
+    byId("search")?.addEventListener("input", () => this.#filter(0));
+    const states = byId("state");
+    if (states && !options.grades) states.parentElement.hidden = true;
+    states?.addEventListener("change", () => this.#filter(0));
     this.#filter();
   }
 
@@ -84,11 +89,22 @@ export class RowList {
   }
 
   #filter(scrollTop = this.#host.scrollTop) {
-    const { n, what, failed } = this.#options;
+    const { n, what, failed, grades } = this.#options;
     this.#host.scrollTop = scrollTop;
     this.#visible = byId("failing")?.checked ? this.#order.filter(failed) : this.#order;
+    const state = byId("state")?.value;
+    if (state) this.#visible = this.#visible.filter((i) => grades?.[i] === +state);
+    const words = byId("search")?.value.trim().toLowerCase();
+    if (words) this.#visible = this.#visible.filter((i) => this.#says(i, words));
     byId("more").textContent = `${this.#visible.length} of ${n} ${what}s`;
     this.#fill();
+  }
+
+  // whether the name, the line or the finding of a row holds some words
+  #says(i, words) {
+    const { fields, failed } = this.#options;
+    const texts = [fields[0][1](i), fields[1][1](i), failed(i)];
+    return texts.some((text) => `${text ?? ""}`.toLowerCase().includes(words));
   }
 
   #print(on) {

@@ -2,6 +2,7 @@
 import { valueColours } from "./colours.js";
 import { unpack, unpackColumns, unpackText } from "./data.js";
 import { byId } from "./dom.js";
+import { showFindings } from "./findings.js";
 import { JointCharts } from "./joints.js";
 import { onColourChoice, showLegend } from "./legend.js";
 import { columnField, RowList } from "./list.js";
@@ -149,11 +150,11 @@ export class ProgramView {
     this.#fill();
     this.#listen();
     this.seek(0);
+    if (this.data.tags) this.select(first ?? this.data.firstFailing());
     if (!scene) {
       this.scene.addFloor();
       this.#look("cell");
     }
-    if (this.data.tags) this.select(first ?? this.data.firstFailing());
     this.#loadTexts();
   }
 
@@ -176,7 +177,8 @@ export class ProgramView {
     const seek = (t) => this.seek(t);
     this.#player = new Player(data.total, seek);
     const { tags: n, what } = data;
-    this.#list = new RowList({ n, what, fields: data.fields(), failed, select });
+    const grades = data.grade ? unpack(data.grade) : null;
+    this.#list = new RowList({ n, what, fields: data.fields(), failed, select, grades });
     if (data.moves) this.#charts = new JointCharts(data.q, data.time, data.robot, seek);
     else {
       this.#player.disable();
@@ -191,6 +193,8 @@ export class ProgramView {
       this.#charts?.draw();
       this.seek(this.#player.clock, false);
     });
+    const { findings } = this.data;
+    if (findings) showFindings(byId("findings"), findings, (tag) => this.select(tag));
     for (const row of document.querySelectorAll("#findings tr[data-goto]")) {
       row.addEventListener("click", () => this.select(+row.dataset.goto));
     }
@@ -343,7 +347,7 @@ export class ProgramView {
       ...{ ready: this.#texts !== null, clock, playing, current, shown: this.#shown },
       ...{ moves: data.moves, tags: data.tags, angles: this.#angles, colliding: this.#colliding },
       ...{ rows: visible.length, first: visible[0] ?? -1, colour: byId("colour").value },
-      ...{ tip: scene.tip, solids: scene.solids, meeting: scene.meeting },
+      ...{ tip: scene.tip, toolTip: scene.toolTip, solids: scene.solids, meeting: scene.meeting },
       line: current >= 0 && data.krlLine.length ? data.krlLine[current] : null,
     };
   }

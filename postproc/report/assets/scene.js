@@ -141,6 +141,12 @@ class SceneView {
     return this.#arm ? this.#arm.tip : [0, 0, 0];
   }
 
+  // the point of the tool that is shown in the world, null where there is none
+  get toolTip() {
+    const shown = this.#tips.find(({ visible }) => visible);
+    return shown ? shown.children[1].position.clone().applyMatrix4(shown.matrix).toArray() : null;
+  }
+
   // a point of the workpiece in the world
   inWorld(point) {
     return new Vector3(...point).applyMatrix4(this.#part.matrix).toArray();
@@ -242,9 +248,7 @@ class SceneView {
     const seen = points.map((point) => this.inWorld(point));
     for (const frame of this.#arm?.frames ?? []) seen.push(frame.elements.slice(12, 15));
     seen.push(...this.#solids.corners());
-    for (const { visible, matrix, children } of this.#tips) {
-      if (visible) seen.push(children[1].position.clone().applyMatrix4(matrix).toArray());
-    }
+    if (this.toolTip) seen.push(this.toolTip);
     const vertical = Math.tan((this.#camera.fov * Math.PI) / 360) * FILLED;
     const { target, distance } = viewOf(seen, from, vertical, vertical * this.#camera.aspect);
     this.#controls.target.set(...target);

@@ -62,13 +62,12 @@ export class Solids {
     for (const { mesh } of this.#parts) {
       if (!mesh.visible) continue;
       if (!mesh.geometry.boundingBox) mesh.geometry.computeBoundingBox();
-      mesh.updateWorldMatrix(true, false);
       const { min, max } = mesh.geometry.boundingBox;
       for (let k = 0; k < 8; k++) {
         const corner = min
           .clone()
           .set(...["x", "y", "z"].map((a, j) => ((k >> j) & 1 ? max : min)[a]));
-        yield corner.applyMatrix4(mesh.matrixWorld).toArray();
+        yield corner.applyMatrix4(mesh.matrix).applyMatrix4(mesh.parent.matrix).toArray();
       }
     }
   }

@@ -12,7 +12,7 @@ const EVERY = 300; // ms between two looks at the state
 const { colours, words } = pageData();
 const rgb = colours.map((hex) => [1, 3, 5].map((at) => parseInt(hex.slice(at, at + 2), 16) / 255));
 const main = document.querySelector("main");
-const RELOADED = ["scene", "list", "cam", "spin", "angles", "speeds"];
+const RELOADED = ["scene", "list", "cam", "spin", "angles", "speeds", "findings"];
 const template = Array.from(main.children, (section) => section.cloneNode(true));
 
 let state = { plan: 0, map: 0, pins: {}, bases: [] };
@@ -99,7 +99,6 @@ async function loadPlan() {
   scene?.stand(data.robot.T_world_robroot, data.robot.T_world_base);
   preview = false;
   showLead(data);
-  showFindings(data.findings);
   map = map && map.classes.length === data.names.length * map.spins.length ? map : null;
   program = new ProgramView(data, { scene, first, onShow: shown });
   byId("names").replaceChildren(
@@ -140,21 +139,6 @@ function showLead({ lead }) {
     const tone = k ? "" : `lead ${state.good ? "good" : "bad"}`;
     header.append(element("p", { textContent, className: tone }));
   });
-}
-
-function showFindings(findings) {
-  byId("findings").replaceChildren(
-    ...findings.map(([text, hint, severity, tag]) => {
-      const cell = element("td", { className: "text wrap" }, text);
-      if (hint) cell.append(element("br"), hint);
-      const row = element("tr", { className: severity === "error" ? "failing" : "" }, cell);
-      if (tag !== null) {
-        row.dataset.tag = tag;
-        row.addEventListener("click", () => program.select(tag));
-      }
-      return row;
-    }),
-  );
 }
 
 function pinOf(tag) {

@@ -31,7 +31,7 @@ from postproc.report.parts import (
 )
 from postproc.units import DEG, MM, N_PER_MM
 
-_MOST_FINDINGS = 200
+FINDINGS_HTML = '<div class="scroll" id="findings"></div>'
 _LEVELS = 65534
 
 
@@ -61,7 +61,7 @@ def program_page(
     if presets:
         page.section("Stiffness against time", table(presets[0], presets[1:]), "half")
     page.section("Time per operation", _operations(plan), "half")
-    page.section("Findings", _findings(findings), "half")
+    page.section("Findings", FINDINGS_HTML, "half")
     return page.render()
 
 
@@ -81,6 +81,9 @@ def program_data(
         **frame_data(cell, plan.tool_of_moves, plan.base_of_moves),
         **_tags(plan.toolpath, cell, maps, columns),
         **_texts(plan, text),
+        "findings": [
+            [str(i), i.hint or "", str(i.severity), i.tag_index, i.code] for i in findings
+        ],
         "failing": {str(tag): message for tag, message in failing.items()},
         "poses": pose_data(maps.poses),
         "move_of_tag": packed(maps.moves, "int32"),
@@ -281,22 +284,6 @@ def _operations(plan: Plan) -> str:
     )
 
 
-def _findings(findings: Sequence[Finding]) -> str:
-    if not findings:
-        return '<p class="good">none</p>'
-    rows = "".join(
-        f'<tr class="{"failing" if i.severity is Severity.ERROR else ""}"'
-        + (f' data-goto="{i.tag_index}"' if i.tag_index is not None else "")
-        + f'><td class="text wrap">{escape(i)}'
-        + (f"<br>{escape(i.hint)}" if i.hint else "")
-        + "</td></tr>"
-        for i in findings[:_MOST_FINDINGS]
-    )
-    left = len(findings) - _MOST_FINDINGS
-    more = f"<p>and {left} more</p>" if left > 0 else ""
-    return f'<div class="scroll"><table id="findings">{rows}</table></div>{more}'
-
-
 def _scene_html(columns: list[TagColumn]) -> str:
     order = sorted(columns, key=lambda column: column.key != "stiffness")
     options = "".join(
@@ -319,6 +306,9 @@ def _scene_html(columns: list[TagColumn]) -> str:
 
 _TAGS_HTML = (
     '<div class="bar"><label><input type="checkbox" id="failing"> failing only</label>'
+    '<label>state <select id="state"><option value="">all</option><option value="2">critical'
+    '</option><option value="1">acceptable</option><option value="0">good</option></select></label>'
+    '<label>find <input id="search" type="search" size="10"></label>'
     '<span id="more"></span></div><div class="scroll" id="list"><table id="tags"><thead><tr></tr>'
     "</thead><tbody></tbody></table></div>"
 )

@@ -35,12 +35,14 @@ class Solid:
 class Drawing:
     """A cell to draw: its solids, and the arm in the zero pose.
 
-    ``link_frames`` (7, 4, 4) in robroot [m]; ``joint_axes`` (6, 3) unit, robroot.
+    ``link_frames`` (7, 4, 4) in robroot [m]; ``joint_axes`` (6, 3) unit, robroot;
+    ``T_robroot_flange`` (4, 4).
     """
 
     cell: Cell
     link_frames: FloatArray
     joint_axes: FloatArray
+    T_robroot_flange: FloatArray
     solids: tuple[Solid, ...]
 
 
@@ -52,11 +54,13 @@ def scene_data(drawing: Drawing) -> dict[str, Any]:
 def robot_data(drawing: Drawing) -> dict[str, Any]:
     """Return frames and axes of the zero pose [m], limits and speeds [deg, deg/s]."""
     robot = drawing.cell.robot
+    T_link_flange = inverse(drawing.link_frames[-1]) @ drawing.T_robroot_flange
+    tips = np.array([tool.T_flange_tcp[:3, 3] for tool in drawing.cell.tools])
     return {
         "link_frames": [[float(v) for v in frame.ravel()] for frame in drawing.link_frames],
         "joint_axes": [[float(v) for v in axis] for axis in drawing.joint_axes],
         "joint_points": [[float(v) for v in frame[:3, 3]] for frame in drawing.link_frames[1:]],
-        "tips": [[float(v) for v in tool.T_flange_tcp[:3, 3]] for tool in drawing.cell.tools],
+        "tips": apply(T_link_flange, tips).tolist(),
         "tool": drawing.cell.tool_index,
         "T_world_robroot": [float(v) for v in robot.T_world_robroot.ravel()],
         "T_world_base": [float(v) for v in T_world_base(drawing.cell).ravel()],

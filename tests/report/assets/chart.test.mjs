@@ -1,6 +1,14 @@
 import assert from "node:assert/strict";
 import test from "node:test";
-import { chartAxes, decimate, linePath, ticks } from "../../../postproc/report/assets/chart.js";
+import {
+  chartAxes,
+  csvOf,
+  decimate,
+  linePath,
+  nearestIndex,
+  ticks,
+  within,
+} from "../../../postproc/report/assets/chart.js";
 
 const SAME = { toX: (v) => v, toY: (v) => v };
 
@@ -62,4 +70,12 @@ test("one value alone has axes, none has not", () => {
   assert.deepEqual(chartAxes([{ x: [5], y: [1] }], [], 600, 220).x, [4, 6]);
   assert.equal(chartAxes([{ x: [], y: [] }], [], 600, 220), null);
   assert.equal(chartAxes([{ x: [1], y: [NaN] }], [], 600, 220), null);
+});
+
+test("a range keeps the values on its either side, and CSV holds what was given", () => {
+  const line = { name: "a", x: [0, 1, 2, 3, 4], y: [5, 6, NaN, 8, 9] };
+  const [kept] = within([line], [1.5, 2.5]);
+  assert.deepEqual(kept.x, [1, 2, 3]);
+  assert.equal(nearestIndex(line.x, 2.6), 3);
+  assert.equal(csvOf([line], "t"), 'line,"t",value\n"a",0,5\n"a",1,6\n"a",2,\n"a",3,8\n"a",4,9\n');
 });
