@@ -69,9 +69,6 @@ class Joins(Protocol):
     def classes(self, i: int, cost: FloatArray) -> Joined:
         """Return the classes of the states of rung ``i``; ``cost`` (N,): infinite if out."""
 
-    def tighter(self, rungs: IndexArray, cost: FloatArray) -> IndexArray:
-        """Return those of rungs (m,) at which less may be joined than when last asked."""
-
     def barred(self, i: int, before: IndexArray, now: IndexArray) -> BoolArray | None:
         """Return (now, before) which steps of joined classes may not be done; None: all may."""
 

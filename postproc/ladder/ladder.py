@@ -2,9 +2,7 @@
 
 The search is exact dynamic programming: only values and back pointers stay.
 Removing states (a collision found on the best way) repairs the values from the first changed rung
-on and stops as soon as the values agree again up to a constant. Until then a state whose best way
-changed by no more than any other way into it keeps that way without a look at its steps: behind a
-change few states take another one, and only by states that changed less. Parts of a long chain that
+on and stops as soon as the values agree again up to a constant. Parts of a long chain that
 never meet differ by another constant up to its end, so far behind a change the rest is put off: the
 way found meanwhile can be run, and ``settle`` makes it the best one. A rung of few free steps is
 worked out anew at once: one product takes less time than to tell which of its states changed.
@@ -63,7 +61,6 @@ class Ladder(Graph):
     value: FloatArray = field(init=False)
     back: NDArray[np.uint16] = field(init=False)
     broken: BoolArray = field(init=False)
-    _least: FloatArray = field(init=False)
     _is_quick: BoolArray = field(init=False)
     _every: IndexArray = field(init=False)
     _factors: _Factors | None = field(init=False, default=None)
@@ -77,7 +74,6 @@ class Ladder(Graph):
         self.value = np.full(states, np.inf)
         self.back = np.zeros(states, dtype=np.uint16)
         self.broken = np.zeros(len(self), dtype=np.bool_)
-        self._least = np.zeros(len(self))
         size = np.diff(self.offsets)
         steps = np.append(0, size[1:] * size[:-1])[: len(self)]
         self._is_quick = (self.rule != CHAIN) & (steps > 0) & (steps <= _QUICK)
@@ -86,8 +82,7 @@ class Ladder(Graph):
     def settle(self) -> bool:
         """Repair what was put off behind changes; return whether anything was."""
         put_off = bool(self._seen)
-        nothing = np.zeros(0, dtype=np.int64)
-        self._recompute(nothing, nothing, len(self))
+        self._recompute(np.zeros(0, dtype=np.int64), len(self))
         return put_off
 
     @property
@@ -159,7 +154,6 @@ class Ladder(Graph):
         self.value[moved[old]], self.back[moved[old]] = known.value[old], known.back[old]
         rung_before, rung_now = known.rung_of(old), self.rung_of(moved[old])
         self.broken[rung_now] = known.broken[rung_before]
-        self._least[rung_now] = known._least[rung_before]
         self._solved = True
         known_rungs, first = np.unique(rung_before, return_index=True)
         became = dict(zip(known_rungs.tolist(), rung_now[first].tolist(), strict=True))
@@ -188,7 +182,6 @@ class Ladder(Graph):
             lowest = self.value[low:high].min()
             if lowest < np.inf:
                 self.value[low:high] -= lowest
-                self._least[i] += lowest
 
     def renew(self, rungs: IndexArray) -> None:
         """Repair the values where other steps into rungs (m,) may be done than before."""
@@ -199,12 +192,10 @@ class Ladder(Graph):
         """Take states out and repair the values."""
         self.cost[states] = np.inf
         rungs = members(self.rung_of(np.asarray(states)), len(self))
-        tighter = rungs[:0]
-        if self.joins is not None and self._solved:
-            behind = members(np.append(rungs, rungs + 1), len(self) + 1)
-            behind = behind[(behind > 0) & (behind < len(self))]
-            tighter = self.joins.tighter(behind[self.rule[behind] == CHAIN], self.cost)
-        self._repair(tighter, rungs)
+        if self.joins is not None:  # less may be joined behind them as well
+            behind = rungs[rungs + 1 < len(self)] + 1
+            rungs = np.union1d(rungs, behind[self.rule[behind] == CHAIN])
+        self._repair(rungs)
 
     def forbid(self, steps: list[tuple[int, int]]) -> None:
         """Take single steps (state from, state to) out and repair the values."""
@@ -282,28 +273,25 @@ class Ladder(Graph):
             paid[at] = (left * entered).sum(axis=1)
         return paid
 
-    def _repair(self, anew: IndexArray, fewer: IndexArray | None = None) -> None:
-        """Recompute from every changed rung on until the values agree again.
+    def _repair(self, rungs: IndexArray) -> None:
+        """Recompute from rungs (m,) of other states or steps on until the values agree again.
 
-        Into rungs ``anew`` other steps may be done than before, rungs ``fewer`` lost states. What
-        is ``NEAR`` rungs behind the last of them is put off, unless a state got lost.
+        What is ``NEAR`` rungs behind the last of them is put off, unless a state got lost.
         """
-        self._recompute(anew, fewer, NEAR)
+        self._recompute(rungs, NEAR)
 
-    def _recompute(self, anew: IndexArray, fewer: IndexArray | None, reach: int) -> None:
+    def _recompute(self, rungs: IndexArray, reach: int) -> None:
         """Recompute up to ``reach`` rungs behind a change; all: what was put off before as well."""
         if not self._solved:
             return
-        every = set(anew.tolist())
-        changed = every.union([] if fewer is None else fewer.tolist())
+        changed = set(rungs.tolist())
         waiting = sorted(changed if reach < len(self) else changed.union(self._seen), reverse=True)
         i = last = 0
         while waiting:
             i = last = max(i, waiting[-1])
-            before = int(self.offsets[i - 1]) if i else 0
-            shift = self._since(i, self.value[before : int(self.offsets[i])])
+            self._seen.pop(i, None)
             while i < len(self):
-                old = self._update(i, None if i in every else shift)
+                old = self._update(i)
                 while waiting and waiting[-1] <= i:
                     last = waiting.pop()
                 i += 1
@@ -328,12 +316,8 @@ class Ladder(Graph):
         with np.errstate(invalid="ignore"):
             return np.where(known == now, 0.0, now - known)
 
-    def _update(self, i: int, shift: FloatArray | None = None) -> FloatArray:
-        """Compute the values of one rung anew, smallest 0; return those (m,) it had.
-
-        ``shift`` (b,): by how much those of the rung before changed, and nothing else but states
-        that are out; None: anything may have.
-        """
+    def _update(self, i: int) -> FloatArray:
+        """Compute the values of one rung anew, smallest 0; return those (m,) it had."""
         low, high = int(self.offsets[i]), int(self.offsets[i + 1])
         old = self.value[low:high].copy()
         value = None
@@ -341,14 +325,11 @@ class Ladder(Graph):
             value = self._swept(i, low, high)
         elif self._solved and i and (listed := self.listed(i)) is not None:
             value = self._from_list(i, listed)
-        elif shift is not None and not self.broken[i]:
-            value = self._shifted(i, low, high, shift)
         if value is None:
             value = self._step(i, low, high)
         lowest = value[value.argmin()] if high > low else np.inf
         if lowest < np.inf:
             value -= lowest
-            self._least[i] = lowest
         self.value[low:high] = value
         return old
 
@@ -361,44 +342,6 @@ class Ladder(Graph):
         self.back[low + listed.rows] = back
         self.broken[i] = not value.min(initial=np.inf) < np.inf
         return self.cost[low:high].copy() if self.broken[i] else value
-
-    def _shifted(self, i: int, low: int, high: int, shift: FloatArray) -> FloatArray | None:
-        """Return the values (m,) of a rung if those before it changed by ``shift`` (b,) only.
-
-        A state whose best way changed by no more than any other that may lead to it keeps that way,
-        and is not looked at; others may go by states that changed less. None where there is none.
-        """
-        joined = self.joined(i) if self.rule[i] == CHAIN else None
-        first = int(self.offsets[i - 1]) if i else low
-        before, old = self.value[first:low], self.value[low:high]
-        if not len(before) or not len(old):
-            return None
-        alive = np.flatnonzero(before < np.inf)
-        own = shift.take(self.back[low:high], mode="clip")
-        own[old == np.inf] = np.inf  # a state that is out leads nowhere
-        with np.errstate(invalid="ignore"):
-            least = self._least_shift(joined, alive, shift)
-            kept = np.where(old < np.inf, own <= least + _SAME, least > -np.inf)
-        if not kept.any():
-            return None
-        value = old + own + self._least[i]
-        value[np.isinf(self.cost[low:high])] = np.inf
-        todo = np.flatnonzero(~kept & (self.cost[low:high] < np.inf))
-        if len(todo):
-            less = alive[shift[alive] < own[todo].max()]
-            self._values(i, first + less, low + todo, value, joined)
-        return value if value.min() < np.inf else None
-
-    @staticmethod
-    def _least_shift(
-        joined: Joined | None, alive: IndexArray, shift: FloatArray
-    ) -> FloatArray | float:
-        """Return the least shift (m,) of all states ``alive`` that may lead to each state."""
-        if joined is None:
-            return float(shift[alive].min(initial=np.inf))
-        least = np.full(joined.may.shape[1], np.inf)
-        np.minimum.at(least, joined.before[alive], shift[alive])
-        return np.asarray(np.where(joined.may, least, np.inf).min(axis=1)[joined.now])
 
     def _step(self, i: int, low: int, high: int) -> FloatArray:
         """Return the values (m,) of a rung, from all steps into it."""

@@ -15,7 +15,6 @@ from postproc.model import CUTS, Event, MoveRole, Plan, ToolPath
 from postproc.paths import Externals
 from postproc.planning.checks import MORE_CLEARANCE, Checker, near_solids, tag_clearances
 from postproc.planning.external import plan_with_external_axes
-from postproc.planning.linked import linked
 from postproc.planning.repeats import with_repeats
 from postproc.planning.retracts import changes_between, with_retracts
 from postproc.planning.route import Route, step_rows
@@ -23,12 +22,12 @@ from postproc.planning.search import (
     ordered,
     ordered_by_place,
 )
+from postproc.planning.solve import Solved, solve
 from postproc.planning.states import (
     TRAVEL,
     UPRIGHT,
     Chosen,
     Moves,
-    Placement,
     PlanOptions,
     Problem,
     Settings,
@@ -36,7 +35,6 @@ from postproc.planning.states import (
     feed_directions,
     path_normals,
     place_given,
-    sample,
     settle,
     stiffness_of,
     tilt_grid,
@@ -62,8 +60,6 @@ from postproc.progress import Clock, Progress
 from postproc.units import DEG, MM
 
 __all__ = ["PlanOptions", "plan"]
-_LOOKED_AT = 5
-"""At so many failing tags it is looked whether there is a pose at all."""
 
 
 def plan(
@@ -229,54 +225,32 @@ def _planned(
     *,
     goes_on: bool = False,
 ) -> Plan:
-    """Return the plan with the external axes at ``external`` (n, k); None: the cell has none.
-
-    Where few tilts have no way, more are searched.
-    """
+    """Return the plan with the external axes at ``external`` (n, k); None: the cell has none."""
     clock = Clock("place", progress)
     checker = checker_of(toolpath, cell, settings, external)
-    problem = checker.problem
-    result = _planned_by(checker, toolpath, clock, options, goes_on=goes_on)
-    if not result.errors:
-        return result
-    more = _with_more_tilts(problem)
-    checker = replace(checker, problem=more)
-    if len(more.tilts) == len(problem.tilts) or _has_none(checker, result.failing_tags):
-        return result
-    again = _planned_by(checker, toolpath, clock, options, goes_on=goes_on)
-    return min(result, again, key=lambda made: len(made.errors))
+    solved = solve(checker, clock, partial=options.partial, goes_on=goes_on)
+    return _told(solved, toolpath, clock, options)
 
 
-def _has_none(checker: Checker, tags: IndexArray) -> bool:
-    """Return whether one of a few of tags (m,) has no pose that can be run: no way leads there."""
-    spins = checker.problem.finest_spins
-    for tag in tags[tags >= 0][:_LOOKED_AT].tolist():
-        states = sample(checker.problem, np.array([tag]), spins)
-        each = np.flatnonzero(np.diff(states.config, prepend=-1))
-        at, branch = np.full(len(each), tag), states.branch[each].astype(np.int64)
-        q = states.q[each].astype(np.float64)
-        if not checker.states(at, q, states.attitude_of(each), branch).good.any():
-            return True
-    return False
-
-
-def _planned_by(
-    checker: Checker, toolpath: ToolPath, clock: Clock, options: PlanOptions, *, goes_on: bool
-) -> Plan:
-    """Return the plan of a toolpath as it is read, of poses that pass some checks."""
-    problem = checker.problem
-    choice, routed, dropped = linked(checker, clock, partial=options.partial, goes_on=goes_on)
-    chosen = choice.chosen
+def _told(solved: Solved, toolpath: ToolPath, clock: Clock, options: PlanOptions) -> Plan:
+    """Return the plan of a toolpath as it is read."""
+    checker, choice, routed = solved.checker, solved.choice, solved.routed
+    problem, chosen = checker.problem, choice.chosen
     findings = [
         *_notes(checker),
         *_tilt_note(problem, chosen),
         *changes_between(problem, chosen),
         *choice.findings,
-        *dropped,
+        *solved.dropped,
         *routed.findings,
     ]
     result = _assembled(
-        problem, chosen, routed, findings, options, {**choice.record, "timing": clock.stages()}
+        problem,
+        chosen,
+        routed,
+        findings,
+        options,
+        {**choice.record, "tried": solved.tried, "timing": clock.stages()},
     )
     return replace(
         result,
@@ -321,7 +295,8 @@ def problem_of(
         feed = feed_directions(toolpath, axis)
         feed[~placement.given] = np.nan
         placement = replace(placement, feed=feed)
-        tilts = _tilts(cell, settings, placement)
+        tags = int(placement.may_tilt.sum())
+        tilts = tilt_grid(cell.optimize.tilt, len(settings.spins), tags)
     return Problem(
         toolpath,
         cell,
@@ -332,19 +307,6 @@ def problem_of(
         stiffness_of(cell),
         tilts,
     )
-
-
-def _with_more_tilts(problem: Problem) -> Problem:
-    """Return the problem with as many tilts as a search can hold, if there are any."""
-    if len(problem.tilts) == 1:
-        return problem
-    tilts = _tilts(problem.cell, problem.settings, problem.placement, few=False)
-    return replace(problem, tilts=tilts)
-
-
-def _tilts(cell: Cell, settings: Settings, placement: Placement, *, few: bool = True) -> FloatArray:
-    tags = int(placement.may_tilt.sum())
-    return tilt_grid(cell.optimize.tilt, len(settings.spins), tags, few=few)
 
 
 def checker_of(

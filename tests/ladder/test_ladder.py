@@ -152,9 +152,6 @@ class SomeSteps:
         may = np.eye(2, dtype=bool)
         return Joined(self.group[low:high], self.group[before:low], may)
 
-    def tighter(self, rungs, cost):
-        return rungs[:0]
-
     def barred(self, i, before, now):
         return ~self.may[now][:, before]
 

@@ -12,7 +12,8 @@ from postproc.cell.cell import TiltRange, Workpiece
 from postproc.errors import CellError
 from postproc.geometry.frames import angle_between
 from postproc.model.toolpath import Arcs, Cycle, MotionKind
-from postproc.planning import planner
+from postproc.planning import planner, repairs
+from postproc.planning.attempt import Attempt
 from postproc.planning.planner import checker_of, plan, problem_of
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.states.settings import PlanOptions, settle
@@ -227,15 +228,15 @@ def test_more_tilts_are_tried_before_a_cut_is_refused(
     """Unless a tag has no pose at all with them."""
     points = [[1.8 + shift, y, 0.8] for y in (0.0, 0.01, 0.02)]
     ranges = {"lead_deg": [-10, 10], "side_tilt_deg": [-10, 10]}
-    seen, planned = [], planner._planned_by
+    seen, search = [], Attempt._search_by
 
-    def counted(checker, *rest, **more):
+    def counted(attempt, checker):
         seen.append(len(checker.problem.tilts))
-        return planned(checker, *rest, **more)
+        search(attempt, checker)
 
-    monkeypatch.setattr(planner, "_planned_by", counted)
+    monkeypatch.setattr(Attempt, "_search_by", counted)
     if not has_none:
-        monkeypatch.setattr(planner, "_has_none", lambda *_: False)
+        monkeypatch.setattr(repairs, "_has_none", lambda *_: False)
     found = planner.plan(make_path(points, [0.0, 0.0, 1.0]), make_cell(options=ranges))
     assert seen == tried
     assert bool(found.errors) == (shift > 0.0)

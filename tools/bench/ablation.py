@@ -37,8 +37,8 @@ from postproc.readers import read
 from tests.cells import STIFFNESS, cell_text
 from tests.places import FIXTURES
 from tests.planning.test_fans import CORNERS, TILTED
-from tests.planning.test_linked import HOLES, PARTED
 from tests.planning.test_main_spin import DOME_CELL, dome
+from tests.planning.test_solve import HOLES, PARTED
 from tools.bench.cells import holes_file, write_cells
 from tools.bench.contours import SOLIDS, contour, milling_cell, random_case
 from tools.bench.crowded import random_job
@@ -310,7 +310,8 @@ def watched(case: Made) -> tuple[list[str], float]:
                 met.add(name)
                 continue
             setattr(_owner(where), attribute, _noting(own, name, met))
-    return sorted(met), planned(case).cpu
+    used = planned(case).cpu
+    return sorted(met), used
 
 
 def _noting(own: Callable[..., Any], name: str, met: set[str]) -> Callable[..., Any]:
@@ -358,7 +359,7 @@ def _line(name: str, pairs: dict[str, tuple[Outcome, Outcome | str]]) -> str:
     other = [case for case, (on, off) in both.items() if on.digest != off.digest]
     worse = sum(off.errors > on.errors for on, off in both.values())
     fewer = sum(off.errors < on.errors for on, off in both.values())
-    sums = np.array([(*on[2:], *off[2:]) for on, off in both.values()]).sum(axis=0)
+    sums = np.array([(*on[2:], *off[2:]) for on, off in both.values()]).reshape(-1, 6).sum(axis=0)
     cycle, index, cpu = (100.0 * (sums[k + 3] / max(sums[k], 1e-12) - 1.0) for k in range(3))
     slower = max(both, key=lambda c: both[c][1].cpu - both[c][0].cpu, default="")
     text = f"{name:<20}{len(other):>4}{worse:>4}{fewer:>4}{cycle:>8.2f}{index:>8.2f}{cpu:>8.1f}"
@@ -377,6 +378,7 @@ def main() -> None:
     parser.add_argument("--cases", nargs="*", default=None, metavar="NAME")
     parser.add_argument("--repeats", type=int, default=1)
     parser.add_argument("--golden", action="store_true")
+    parser.add_argument("--log", type=Path, help="add a line of JSON for each plan")
     arguments = parser.parse_args()
     names = arguments.cases or (GOLDEN if arguments.golden else list(CASES))
     pairs: dict[str, dict[str, tuple[Outcome, Outcome | str]]] = {n: {} for n in arguments.only}
@@ -392,6 +394,10 @@ def main() -> None:
             print(f"{name:<24}{on.errors:>3} errors{on.cpu:>8.2f} s", flush=True)
             for off in met.intersection(arguments.only):
                 pairs[off][name] = on, best(case, off, arguments.repeats)
+                if arguments.log:
+                    text = json.dumps([off, name, *pairs[off][name]])
+                    with arguments.log.open("a", encoding="utf-8") as log:
+                        log.write(text + "\n")
     print(f"{'off':<20}{'diff':>4}{'bad':>4}{'good':>5}{'cycle':>7}{'index':>8}{'cpu %':>8}")
     for name in arguments.only:
         print(_line(name, pairs[name]))

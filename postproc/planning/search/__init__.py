@@ -1,25 +1,68 @@
 """The best sequence of states."""
 
-from postproc.planning.search.between import cubic, slopes
+from postproc.planning.search.between import Interpolation, cubic, slopes
 from postproc.planning.search.edges import best_of
-from postproc.planning.search.keytags import arc_length, key_tags, spaced
-from postproc.planning.search.pose_search import PoseSearch
-from postproc.planning.search.rungs import Parted, step_rules
+from postproc.planning.search.growth import Growth
+from postproc.planning.search.keytags import (
+    arc_length,
+    dense_key_tags,
+    key_tags,
+    spaced,
+    stretches,
+)
+from postproc.planning.search.loss import (
+    DEFAULT_BOUND,
+    LossBound,
+    along,
+    best_index,
+    loss_of,
+    loss_report,
+)
+from postproc.planning.search.main_spin import main_spins
+from postproc.planning.search.pose_search import PoseSearch, travel
+from postproc.planning.search.roll import without_roll
+from postproc.planning.search.round_spins import between_round, on_round_spins
+from postproc.planning.search.rungs import (
+    ARM,
+    TIE_TRAVEL,
+    WRIST,
+    Parted,
+    Wish,
+    changes_of,
+    step_rules,
+)
 from postproc.planning.search.sequence import ordered, ordered_by_place
-from postproc.planning.search.strategy import Choice, choose
 
 __all__ = [
-    "Choice",
+    "ARM",
+    "DEFAULT_BOUND",
+    "TIE_TRAVEL",
+    "WRIST",
+    "Growth",
+    "Interpolation",
+    "LossBound",
     "Parted",
     "PoseSearch",
+    "Wish",
+    "along",
     "arc_length",
+    "best_index",
     "best_of",
-    "choose",
+    "between_round",
+    "changes_of",
     "cubic",
+    "dense_key_tags",
     "key_tags",
+    "loss_of",
+    "loss_report",
+    "main_spins",
+    "on_round_spins",
     "ordered",
     "ordered_by_place",
     "slopes",
     "spaced",
     "step_rules",
+    "stretches",
+    "travel",
+    "without_roll",
 ]

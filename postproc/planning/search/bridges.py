@@ -49,7 +49,6 @@ class Bridges:
     run: NDArray[np.int32] = field(init=False)
     _stale: BoolArray = field(init=False)
     _known: dict[int, Joined] = field(init=False, default_factory=dict)
-    _former: dict[int, Joined] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         """Leave all runs to be found."""
@@ -60,8 +59,7 @@ class Bridges:
         """Forget the runs of tags (m,) of which states were taken out."""
         self._stale[rungs] = True
         for rung in members(np.append(rungs, rungs + 1), len(self.states) + 1).tolist():
-            if rung in self._known:
-                self._former[rung] = self._known.pop(rung)
+            self._known.pop(rung, None)
 
     def take_over(self, known: Bridges, moved: IndexArray, kept: IndexArray) -> None:
         """Take the runs of the same graph before tags were added or replaced.
@@ -92,15 +90,6 @@ class Bridges:
             self._find_runs(cost)
             self._join(i)
         return self._known[i]
-
-    def tighter(self, rungs: IndexArray, cost: FloatArray) -> IndexArray:
-        """Return those of tags (m,) into which less may be joined than when last asked."""
-        found = []
-        for rung in rungs.tolist():
-            former, now = self._former.pop(rung, None), self.classes(rung, cost)
-            if former is not None and not _is_part(former, now):
-                found.append(rung)
-        return np.array(found, dtype=np.int64)
 
     def barred(self, i: int, before: IndexArray, now: IndexArray) -> BoolArray | None:
         """Return (now, before) which cuts into tag ``i`` turn the tool too fast; None: none.
@@ -208,21 +197,6 @@ def _near(keys: IndexArray, q: Joints, wanted: IndexArray, q_wanted: Joints) -> 
         near = (low + copy < high) & (np.abs(taken(q, at) - q_wanted).max(axis=1) <= NEAR)
         found[near] = at[near]
     return found
-
-
-def _is_part(former: Joined, now: Joined) -> bool:
-    """Return whether states that are still in may join what they might before."""
-    if now.may is former.may:
-        return True
-    to_former = []
-    for then, at, count in zip(former[:2], now[:2], now.may.shape, strict=True):
-        of = np.zeros(count, dtype=np.int64)
-        of[at] = then
-        if (of[at] != then)[at != _OUT].any():
-            return False
-        to_former.append(of)
-    may = former.may[to_former[0]][:, to_former[1]]
-    return np.array_equal(may[_OUT + 1 :, _OUT + 1 :], now.may[_OUT + 1 :, _OUT + 1 :])
 
 
 def _labels(after: IndexArray, longest: int) -> IndexArray:

@@ -76,10 +76,6 @@ class Leans:
             self._known[i] = self._joined(i)
         return self._known[i]
 
-    def tighter(self, rungs: IndexArray, cost: FloatArray) -> IndexArray:
-        """Return no rung: what may be joined depends on no state."""
-        return rungs[:0]
-
     def barred(self, i: int, before: IndexArray, now: IndexArray) -> BoolArray | None:
         """Return (now, before) which cuts into rung ``i`` lean the tool too far; None: not told.
 

@@ -9,7 +9,7 @@ from postproc.cell.file import load_cell
 from postproc.collision.scene import Scene
 from postproc.kinematics import build
 from postproc.model import MotionKind, MoveKind
-from postproc.planning import linked
+from postproc.planning import attempt, solve
 from postproc.planning.checks import Reason, failure
 from postproc.planning.planner import checker_of, plan
 from postproc.planning.route import Gap
@@ -98,7 +98,7 @@ def test_a_solid_that_parts_the_reach_is_no_reason_to_refuse(parted):
 
 def routed_as(monkeypatch, make_gaps):
     """Let every route have such gaps; return the poses that were routed."""
-    own, seen = linked.route, []
+    own, seen = solve.route, []
 
     def routed(checker, chosen, **options):
         seen.append(chosen.q.copy())
@@ -109,7 +109,8 @@ def routed_as(monkeypatch, make_gaps):
             result.gaps.append(Gap(finding, a, b))
         return result
 
-    monkeypatch.setattr(linked, "route", routed)
+    monkeypatch.setattr(attempt, "route", routed)
+    monkeypatch.setattr(solve, "route", routed)
     return seen
 
 
@@ -126,9 +127,11 @@ def checker(make_cell, make_path):
 def test_what_no_poses_link_is_refused_after_a_few_tries(checker, monkeypatch, partial):
     missing = lambda turn, chosen: [(2, 3)] if chosen.good[3] else []  # noqa: E731
     seen = routed_as(monkeypatch, missing)
-    _, routed, dropped = linked.linked(checker, Clock("place"), partial=partial, goes_on=False)
-    assert 2 <= len(seen) <= 2 + linked._PATIENCE
-    stuck = dropped if partial else routed.findings
+    solved = solve.solve(checker, Clock("place"), partial=partial, goes_on=False)
+    routed = solved.routed
+    assert 2 <= len(seen) <= 5
+    assert solved.tried["poses on one side of a gap"] == len(seen) - 1 - partial
+    stuck = solved.dropped if partial else routed.findings
     assert [finding.tag_index for finding in stuck if finding.is_error] == [3]
     assert f"tried: {len(seen) - 1 - partial})" in stuck[-1].hint
     assert not (partial and routed.gaps)
@@ -137,24 +140,24 @@ def test_what_no_poses_link_is_refused_after_a_few_tries(checker, monkeypatch, p
 def test_the_poses_with_the_fewest_gaps_count(checker, monkeypatch):
     gaps = {1: [(0, 1), (2, 3)], 2: [(2, 3)], 3: [(0, 1), (2, 3), (4, 5)]}
     seen = routed_as(monkeypatch, lambda turn, chosen: gaps.get(turn, [(1, 2), (3, 4)]))
-    choice, routed, _ = linked.linked(checker, Clock("place"), partial=False, goes_on=False)
+    solved = solve.solve(checker, Clock("place"), partial=False, goes_on=False)
     assert len(seen) > 2
-    assert [finding.tag_index for finding in routed.findings if finding.is_error] == [3]
-    assert np.array_equal(choice.chosen.q, seen[1])
+    assert [finding.tag_index for finding in solved.routed.findings if finding.is_error] == [3]
+    assert np.array_equal(solved.choice.chosen.q, seen[1])
 
 
 def test_fewer_gaps_each_time_end_as_well(checker, monkeypatch):
     monkeypatch.setattr(PoseSearch, "part", lambda *_: True)
     few = lambda turn, chosen: [(0, 1)] * (30 - turn)  # noqa: E731
     seen = routed_as(monkeypatch, few)
-    _, routed, _ = linked.linked(checker, Clock("place"), partial=False, goes_on=False)
-    assert len(seen) == 1 + linked._MOST
+    routed = solve.solve(checker, Clock("place"), partial=False, goes_on=False).routed
+    assert len(seen) == solve.MOST_PLANS
     assert len(routed.gaps) == 30 - len(seen)
 
 
 def test_what_links_at_once_is_chosen_once(checker, monkeypatch):
     seen = routed_as(monkeypatch, lambda *_: [])
-    linked.linked(checker, Clock("place"), partial=False, goes_on=False)
+    solve.solve(checker, Clock("place"), partial=False, goes_on=False)
     assert len(seen) == 1
 
 

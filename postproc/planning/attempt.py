@@ -1,0 +1,170 @@
+"""A plan in the making: which pose every tag gets, and the way between them, stage by stage.
+
+The strategies ``global``, ``each`` and ``smooth`` are one search. They differ in which tags are key
+tags at first and in what travel weighs. Key tags take states of the grid, the best sequence of all;
+the tags between follow by interpolation, each with its own tip and axis; then the poses leave the
+grid.
+
+``smooth`` is the smoothing of Jiao et al. 2022: few key tags, as the cell names or spaces them.
+With ``refine`` off these take the best spin of the grid each, as in the paper; with it they are
+chosen together, travel counted, so that the way between two of them rarely crosses a trough.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from postproc.arrays import FloatArray
+from postproc.cell import Preset, Strategy
+from postproc.errors import Finding, Severity
+from postproc.ladder import Found
+from postproc.planning.checks import Checker, explained, gave_up
+from postproc.planning.route import Route, route
+from postproc.planning.search import (
+    DEFAULT_BOUND,
+    TIE_TRAVEL,
+    Growth,
+    Interpolation,
+    LossBound,
+    PoseSearch,
+    Wish,
+    along,
+    best_index,
+    between_round,
+    dense_key_tags,
+    key_tags,
+    loss_of,
+    loss_report,
+    on_round_spins,
+    stretches,
+    travel,
+    without_roll,
+)
+from postproc.planning.states import Chosen, take_joints
+from postproc.progress import Clock
+from postproc.records import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """The poses of all tags, the findings, and a record of the work.
+
+    ``q_grid`` (n, 6) [rad]: joints of the poses before they left the grid. ``best`` (n,) [N/m]:
+    index that each tag could have by itself: with the strategy ``smooth`` free of collision, else
+    within reach.
+    """
+
+    chosen: Chosen
+    q_grid: FloatArray
+    findings: list[Finding]
+    record: dict[str, object]
+    best: FloatArray
+
+
+class Attempt:
+    """The stages of a plan, each worked out when it is asked for: found, chosen, choice, routed.
+
+    A repair changes the search and calls ``renew``: then they are worked out again.
+
+    Args:
+        checker: of the toolpath.
+        clock: told what is done.
+        partial: whether stretches that cannot be got to are left out.
+        goes_on: whether motions that are not planned here follow.
+    """
+
+    def __init__(self, checker: Checker, clock: Clock, *, partial: bool, goes_on: bool) -> None:
+        self.clock, self.partial, self.goes_on = clock, partial, goes_on
+        self.begin(checker)
+
+    def begin(self, checker: Checker | None = None) -> None:
+        """Begin anew: with other checks, or with what is known of these."""
+        self.clock.begin("search")
+        if checker is not None:
+            self._search_by(checker)
+        self.growth = Growth(self.between)
+        self.bound = None if self._best is None else LossBound(self._best, self._most)
+
+    def _search_by(self, checker: Checker) -> None:
+        self.checker = checker
+        problem, wishes = checker.problem, checker.problem.cell.optimize
+        self.is_smooth = wishes.strategy is Strategy.SMOOTH
+        self.between = Interpolation.of(problem)
+        self._most = DEFAULT_BOUND if wishes.loss_bound is None else wishes.loss_bound
+        self._best = best_index(checker, self.between) if self.is_smooth else None
+        keys = key_tags(problem.toolpath, wishes) if self.is_smooth else dense_key_tags(problem)
+        self._asked = int(keys.sum())
+        self.search = PoseSearch.of(checker, np.flatnonzero(keys), self._wish(), self.between)
+
+    def _wish(self) -> Wish:
+        problem, best = self.checker.problem, self._best
+        if best is None:
+            return Wish(each=problem.cell.optimize.strategy is Strategy.EACH)
+        least = LossBound(best, self._most).least if np.isfinite(best).any() else None
+        number = stretches(problem.toolpath)
+        each = not problem.cell.optimize.refine
+        return Wish(each=each, cut_travel=TIE_TRAVEL, least=least, stretch=number)
+
+    def renew(self) -> None:
+        """Forget what was worked out: the search has changed."""
+        for stage in ("found", "chosen", "choice", "routed"):
+            self.__dict__.pop(stage, None)
+
+    @cached_property
+    def found(self) -> Found:
+        """The best sequence of states of the key tags."""
+        return self.search.run()
+
+    @cached_property
+    def chosen(self) -> Chosen:
+        """The poses of all tags on the grid."""
+        return self.search.chosen(self.found)
+
+    @cached_property
+    def choice(self) -> Choice:
+        """The poses of all tags, off the grid, and what stands against them."""
+        problem, search, chosen = self.checker.problem, self.search, self.chosen
+        wishes = problem.cell.optimize
+        record, q_grid = search.record(self.found, chosen), chosen.q
+        is_bound = wishes.strategy is Strategy.EACH and wishes.loss_bound is not None
+        moved = wishes.refine and (wishes.strategy is Strategy.GLOBAL or is_bound)
+        if moved:
+            self.clock.step(0, 0, "refine")
+            at_edges = isinstance(wishes.objective, str) and wishes.preset is Preset.STIFFEST
+            at_edges |= wishes.loss_bound is not None
+            chosen = on_round_spins(search, chosen, at_edges=at_edges)
+            record |= {"travel_rad2_grid": record["travel_rad2"], "travel_rad2": travel(chosen)}
+        findings = explained(self.checker, search.evidence(chosen))
+        findings += between_round(problem, search.tags, chosen) if moved else []
+        findings += gave_up(self.checker, chosen, findings, sorted(self.growth.gave_up))
+        best = (
+            along(self.between, search.tags, search.edges.index)
+            if self._best is None
+            else self._best
+        )
+        take_joints(problem, chosen)
+        findings += without_roll(search, chosen, best)
+        if self.is_smooth or wishes.loss_bound is not None:
+            loss = loss_of(problem, chosen, best)
+            told = loss_report(problem, loss, search.tags, self._most)
+            if self.is_smooth or told.severity is Severity.WARNING:
+                findings.insert(0, told)
+            if self.is_smooth:
+                record |= {"key_tags": search.tags.tolist(), "loss": loss.tolist()}
+                if len(search.tags) > self._asked:
+                    record["key_tags_added"] = len(search.tags) - self._asked
+        return Choice(chosen, q_grid, findings, record, best)
+
+    @property
+    def runs(self) -> bool:
+        """Whether every tag has a pose, or may be left out."""
+        return self.partial or not any(finding.is_error for finding in self.choice.findings)
+
+    @cached_property
+    def routed(self) -> Route:
+        """The moves between the poses."""
+        chosen, runs = self.choice.chosen, self.runs
+        self.clock.begin("route")
+        return route(self.checker, chosen, goes_on=self.goes_on, runs=runs)

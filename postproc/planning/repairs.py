@@ -1,0 +1,150 @@
+"""What may be tried where poses or ways are missing: the table of repairs.
+
+Each looks at an attempt, and where it serves changes the search and returns True. The first of the
+table that serves is taken. Those without a price let the search look closer until what fails is
+refuted; the others cost a plan each, and are tried so often in vain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray
+from postproc.planning.attempt import Attempt
+from postproc.planning.checks import Checker
+from postproc.planning.route import HOME, has_ways
+from postproc.planning.search import (
+    ARM,
+    WRIST,
+    Parted,
+    changes_of,
+    loss_of,
+    main_spins,
+)
+from postproc.planning.states import sample, tilt_grid
+
+_LOOKED_AT = 5
+"""Failing tags of which it is looked whether there is a pose at all."""
+
+
+class Repair(NamedTuple):
+    """What may be tried: its name, the evidence that it serves, its price in plans made in vain."""
+
+    name: str
+    evidence: str
+    serve: Callable[[Attempt], bool]
+    price: int = 0
+
+
+def _turn_faster(attempt: Attempt) -> bool:
+    return attempt.search.may_hurry(attempt.found)
+
+
+def _look_closer(attempt: Attempt) -> bool:
+    search, n = attempt.search, len(attempt.checker.problem)
+    tags, stride = attempt.growth.next(search, attempt.found)
+    if not len(tags):
+        return False
+    attempt.clock.step(min(len(search.tags), n - 1), n, "search")
+    search.grow(tags, stride)
+    return True
+
+
+def _roll_less(attempt: Attempt) -> bool:
+    main = main_spins(attempt.search, attempt.found)
+    if main is None:
+        return False
+    attempt.search.keep_spin(main)
+    return True
+
+
+def _keep_posture(attempt: Attempt) -> bool:
+    search, chosen = attempt.search, attempt.chosen
+    for bits in (ARM, WRIST):
+        changes = changes_of(bits, chosen)
+        if not search.wish.steady & bits and not has_ways(search.checker, chosen, changes):
+            search.keep(bits)
+            return True
+    return False
+
+
+def _lose_less(attempt: Attempt) -> bool:
+    search, bound, problem = attempt.search, attempt.bound, attempt.checker.problem
+    if bound is None:
+        return False
+    is_key: BoolArray = np.isin(np.arange(len(problem)), search.tags)
+    more = bound.more_keys(is_key, loss_of(problem, attempt.chosen, bound.best))
+    if not len(more):
+        return False
+    search.grow(more, np.full(len(more), problem.fine))
+    return True
+
+
+def _avoid_gap(attempt: Attempt) -> bool:
+    """Let no step lead where no free way was found for.
+
+    A solid that parts the reach of the arm lets it stand on either side of a hole pattern, and
+    leads nowhere between: steps from the one side to the other are out of the question then.
+    """
+    if not attempt.runs:
+        return False
+    choice, routed = attempt.choice, attempt.routed
+    home, good = attempt.checker.problem.cell.motion.home, np.flatnonzero(choice.chosen.good)
+    q, is_break = choice.q_grid, np.zeros(len(choice.q_grid), dtype=np.bool_)
+    is_break[[finding.tag_index or 0 for finding in routed.findings if finding.is_error]] = True
+    part = np.cumsum(is_break)
+
+    def side(tag: int) -> FloatArray:
+        if tag == HOME:
+            return np.asarray(home)[None]
+        joined = good[(part[good] == part[tag]) & (good != tag)]
+        return np.asarray(q[np.append(tag, joined)])
+
+    gaps = [Parted.by(side(gap.before), side(gap.behind)) for gap in routed.gaps]
+    if not attempt.search.part(gaps):
+        return False
+    attempt.begin()
+    return True
+
+
+def _tilt_more(attempt: Attempt) -> bool:
+    problem, every = attempt.checker.problem, (*attempt.choice.findings, *attempt.routed.findings)
+    failing = {finding.tag_index for finding in every if finding.is_error}
+    if not failing or len(problem.tilts) == 1:
+        return False
+    tags, allowed = int(problem.placement.may_tilt.sum()), problem.cell.optimize.tilt
+    more = tilt_grid(allowed, len(problem.settings.spins), tags, few=False)
+    checker = replace(attempt.checker, problem=replace(problem, tilts=more))
+    known = sorted(tag for tag in failing if tag is not None)
+    if len(more) == len(problem.tilts) or _has_none(checker, known):
+        return False
+    attempt.begin(checker)
+    return True
+
+
+def _has_none(checker: Checker, tags: list[int]) -> bool:
+    """Return whether one of a few of tags has no pose that can be run: no way leads there."""
+    spins = checker.problem.finest_spins
+    for tag in tags[:_LOOKED_AT]:
+        states = sample(checker.problem, np.array([tag]), spins)
+        each = np.flatnonzero(np.diff(states.config, prepend=-1))
+        at, branch = np.full(len(each), tag), states.branch[each].astype(np.int64)
+        q = states.q[each].astype(np.float64)
+        if not checker.states(at, q, states.attitude_of(each), branch).good.any():
+            return True
+    return False
+
+
+REPAIRS = (
+    Repair("faster turns", "a cut has no way at steady turns", _turn_faster),
+    Repair("more key tags and finer spins", "a cut fails, a tag has no pose", _look_closer),
+    Repair("less roll", "a cut rolls the tool far", _roll_less),
+    Repair("a steady posture", "no free way was found for a change of it", _keep_posture),
+    Repair("key tags for less loss", "tags lose more than the bound", _lose_less),
+    Repair("poses on one side of a gap", "no free way joins two poses", _avoid_gap, 3),
+    Repair("more tilts", "tags fail that have a pose", _tilt_more, 1),
+)
