@@ -25,7 +25,6 @@ Beside = Callable[[IndexArray], IndexArray]
 Steps = list[tuple[int, int]]
 Failing = Callable[[Steps], Steps]
 Widen = Callable[[Steps, Failing], Steps]
-Weigh = Callable[[IndexArray, IndexArray], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +43,6 @@ def free_path(
     check_steps: CheckSteps | None = None,
     beside: Beside | None = None,
     widen: Widen | None = None,
-    weigh: Weigh | None = None,
     is_passing: Callable[[], bool] | None = None,
 ) -> Found:
     """Return the cheapest way of which every state and every step passes its check.
@@ -57,7 +55,6 @@ def free_path(
         beside: failing states (m,) -> further states known to fail, in any order.
         widen: failing steps, and what returns those of some steps that fail -> further steps that
             fail, from a look at those that the search would try next.
-        weigh: told of the way (n,) before steps of it were taken out, and of that found instead.
         is_passing: whether the way that passes need not be the best, as the graph will change.
 
     Every round takes states or steps out, so there is an end; a rung into which no step is left is
@@ -89,8 +86,6 @@ def free_path(
             bad = sorted({*bad, *widen(bad, failing_of)})
         forbidden += len(bad)
         ladder.forbid(bad)
-        if weigh is not None:
-            weigh(path, ladder.path())
 
 
 def _check(states: IndexArray, known: BoolArray, check: CheckStates) -> IndexArray:

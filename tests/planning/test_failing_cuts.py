@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from postproc.ladder import Ladder, Rule
 from postproc.planning.checks import Reason
 from postproc.planning.search.between import Interpolation
 from postproc.planning.search.cuts import Judged, Spans
@@ -68,19 +67,3 @@ def test_where_cuts_fail_over_and_over_tags_inside_become_key_tags(failing):
     assert not out[-1]
     assert failing.wanted
     assert failing.taken_out(*spans_of(failing.between, [(300, 320)], [310])).all()
-
-
-@pytest.mark.parametrize(("price", "is_wanted"), [(1.0, False), (50.0, True)])
-def test_only_a_dear_way_round_gets_key_tags(failing, price, is_wanted):
-    """Two states a tag, the second dearer; a cut into the third tag is taken out."""
-    tags = np.arange(5) * 20
-    cost = np.tile([0.0, price], 5)
-    group, rule = np.zeros(10, int), np.full(5, int(Rule.CHAIN))
-    ladder = Ladder(np.arange(6) * 2, np.zeros((10, 6)), cost, group, rule, np.ones(5))
-    ladder.solve()
-    before = ladder.path()
-    assert failing.taken_out(*spans_of(failing.between, [(20, 40)], [30])).all()
-    ladder.forbid([(int(before[1]), int(before[2]))])
-    failing.weigh(ladder, tags, before, ladder.path())
-    assert bool(failing.wanted) == is_wanted
-    assert failing.wanted <= set(range(21, 40))

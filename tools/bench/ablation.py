@@ -33,6 +33,7 @@ from postproc.cell import Cell, load_cell, parse_cell
 from postproc.jobs.convert import ConvertRequest, read_toolpath
 from postproc.model import Plan, ToolPath
 from postproc.planning import plan
+from postproc.planning.repairs import REPAIRS
 from postproc.readers import read
 from tests.cells import STIFFNESS, cell_text
 from tests.places import FIXTURES
@@ -44,7 +45,7 @@ from tools.bench.contours import SOLIDS, contour, milling_cell, random_case
 from tools.bench.crowded import random_job
 from tools.bench.workload import WORKLOADS
 
-Switch = tuple[str, str, Callable[..., Any]]
+Switch = tuple[str, str, Any]
 """Module or module.Class, attribute, what stands there instead."""
 Made = tuple[ToolPath, Cell]
 T = TypeVar("T")
@@ -66,10 +67,6 @@ def _no(*_: object, **__: object) -> bool:
     return False
 
 
-def _yes(*_: object, **__: object) -> bool:
-    return True
-
-
 def _no_ways(*_: object, **__: object) -> dict[int, Any]:
     return {}
 
@@ -85,30 +82,25 @@ def _second(_: object, value: T, *__: object, **___: object) -> T:
 OFF: dict[str, tuple[Switch, ...]] = {
     "presets and orders": (("postproc.planning.planner", "_ways_to_plan", lambda cell: [cell]),),
     "retracts": (("postproc.planning.planner", "with_retracts", lambda p, c, make: make(p)),),
-    "more tilts": (("postproc.planning.planner", "_with_more_tilts", _first),),
-    "has none": (("postproc.planning.planner", "_has_none", _no),),
-    "linked": (("postproc.planning.linked", "_part", _no),),
+    "has none": (("postproc.planning.repairs", "_has_none", _no),),
     "carried": (
         ("postproc.planning.external.planner", "carried_where_better", lambda p, runs, m: runs),
     ),
-    "main_spin": ((SEARCH + "strategy", "main_spins", _none),),
-    "has_ways": ((SEARCH + "strategy", "has_ways", _yes),),
-    "moved off grid": ((SEARCH + "strategy", "moved_off_grid", _second),),
+    "moved off grid": (("postproc.planning.attempt", "moved_off_grid", _second),),
     "at edges": ((SEARCH + "moved", "_at_edges", _second),),
     "nearer": ((SEARCH + "moved", "_nearer", lambda *a: np.zeros(0, dtype=np.int64)),),
     "smoothed": ((SEARCH + "moved", "_smoothed", _none),),
     "slowed": ((SEARCH + "moved", "_slowed", lambda problem, between, poses, *a: poses),),
     "faster": ((SEARCH + "moved", "_faster", lambda p, b, poses, g: np.zeros(len(g.tags), bool)),),
-    "without roll": ((SEARCH + "strategy", "without_roll", _nothing),),
+    "without roll": (("postproc.planning.attempt", "without_roll", _nothing),),
     "fan": ((SEARCH + "pose_search", "fan", _nothing),),
     "half way": ((SEARCH + "fans", "_half_way", lambda s, pairs, c: (pairs[:0], pairs)),),
     "alike": ((SEARCH + "fans", "_alike", lambda s, rung, a, b: np.zeros((0, 2), int)),),
     "hopeless": (
         (SEARCH + "between", "hopeless", lambda problem, way: np.zeros(len(problem), int)),
     ),
-    "hurry": ((POSES, "may_hurry", _no),),
     "beside": ((POSES, "_around", lambda self, states, *a: (states[:0], states[:0])),),
-    "far along": ((SEARCH + "pose_search", "_FARTHEST", 2),),  # type: ignore[dict-item]
+    "far along": ((SEARCH + "pose_search", "_FARTHEST", 2),),
     "taken out": (
         (
             SEARCH + "failing_cuts.FailingCuts",
@@ -116,26 +108,28 @@ OFF: dict[str, tuple[Switch, ...]] = {
             lambda self, spans, judged: ~judged.good(len(spans)),
         ),
     ),
-    "weigh": ((SEARCH + "failing_cuts.FailingCuts", "weigh", _none),),
     "refuted": ((SEARCH + "growth.Growth", "_is_refuted", _no),),
     "empties": ((SEARCH + "growth.Growth", "_around_empties", _none),),
     "gaps": ((SEARCH + "growth.Growth", "_around_gaps", _none),),
     "stuck": ((SEARCH + "rungs", "_stuck", lambda *a: np.zeros(0, int)),),
     "home price": ((SEARCH + "rungs", "_price_home", _none),),
     "leans": ((SEARCH + "leaning.Leans", "barred", _none),),
-    "bridges": ((SEARCH + "rungs", "BRIDGED", 0.0),),  # type: ignore[dict-item]
-    "steady turn": ((SEARCH + "rungs", "STEADY_TURN", 100.0),),  # type: ignore[dict-item]
+    "bridges": ((SEARCH + "rungs", "BRIDGED", 0.0),),
+    "steady turn": ((SEARCH + "rungs", "STEADY_TURN", 100.0),),
     "folded": ((ROUTE + "connect", "_folded", _no_ways),),
     "trees": ((ROUTE + "connect", "rrt_connect", _none),),
     "offered": ((ROUTE + "connect", "_offered", lambda c, e, rows, *a: rows),),
     "drawn in": ((ROUTE + "connect", "_drawn_in", lambda c, s, g, e, ways: ways),),
     "seem free": ((ROUTE + "connect", "seem_free", lambda c, s, *a: np.ones(len(s), bool)),),
     "probe": (("postproc.planning.checks.feasible.Checker", "_probe", _none),),
-    "probed": ((SEARCH + "fans", "LONG_WAY", 1e9),),  # type: ignore[dict-item]
+    "probed": ((SEARCH + "fans", "LONG_WAY", 1e9),),
     "listed": (("postproc.ladder.graph.Graph", "_list", _none),),
-    "shifted": (("postproc.ladder.ladder.Ladder", "_shifted", _none),),
     "swept": (("postproc.ladder.ladder.Ladder", "_is_swept", _no),),
-    "put off": (("postproc.ladder.ladder", "NEAR", 10**9),),  # type: ignore[dict-item]
+    "put off": (("postproc.ladder.ladder", "NEAR", 10**9),),
+}
+OFF |= {
+    repair.name: (("postproc.planning.solve", "REPAIRS", tuple(r for r in REPAIRS if r != repair)),)
+    for repair in REPAIRS
 }
 """Special cases by name, and what is planned with instead of each."""
 
@@ -258,6 +252,7 @@ HARD: dict[str, Callable[[Path], Made]] = {
     "turned over": _turned_over,
     "s with a clamp": _contour("s", 200, 2.0, fixture=True),
     "long steps": _contour("convex", 8, 150.0, fixture=True, origin=(2150, 550, 750)),
+    "beside a clamp": _contour("convex", 1000, 1.0, fixture=True),
     "long contour": _contour("wavy", 700, 2.0, fixture=False),
     "out of reach": _contour("convex", 300, 6.0, fixture=True, origin=(2600, 300, 900)),
     **{f"contour {seed}": lambda _, seed=seed: random_case(seed) for seed in (2, 5, 8, 23, 54)},

@@ -13,7 +13,6 @@ from dataclasses import field
 import numpy as np
 
 from postproc.arrays import BoolArray, IndexArray
-from postproc.ladder import Ladder
 from postproc.planning.checks import Reason
 from postproc.planning.search.between import Interpolation
 from postproc.planning.search.cuts import Judged, Spans
@@ -23,8 +22,6 @@ _ALL = 8
 """All tags inside a cut of no more become key tags."""
 SHORT = 0.05
 """A longer cut [m] is not taken out: its key tags are to stay as they are."""
-_DEAR = 3.0
-"""A way round that costs more is dear: 10 % of stiffness over 0.3 m of cut, say."""
 _TRIES, _NEAR = 8, 0.06
 """Where so many cuts were taken out within so much way [m], key tags are added."""
 
@@ -34,20 +31,13 @@ class FailingCuts:
     """Cuts between key tags that failed inside.
 
     ``longest`` [m]: no longer ones are taken out. ``wanted``: tags that would have to be key tags
-    for a cut to be run; ``out``: the tags at which cuts were taken out, to the tags that would have
-    to be; ``places`` [m]: where that was.
+    for a cut to be run; ``places`` [m]: where cuts were taken out.
     """
 
     between: Interpolation
     longest: float = SHORT
     wanted: set[int] = field(default_factory=set)
-    out: dict[int, set[int]] = field(default_factory=dict)
     places: list[float] = field(default_factory=list)
-
-    def begin(self) -> None:
-        """Forget what was found by the search before: it has other key tags now."""
-        self.wanted.clear()
-        self.out.clear()
 
     def taken_out(self, spans: Spans, judged: Judged) -> BoolArray:
         """Return which of spans (m,) that fail are to be taken out; notes what others want."""
@@ -56,38 +46,15 @@ class FailingCuts:
         places = np.array(self.places)
         for i in np.flatnonzero(result & (spans.last - spans.first > 1)).tolist():
             first, last = int(spans.first[i]), int(spans.last[i])
-            rows = bad[slice(*np.searchsorted(judged.rows.span[bad], [i, i + 1]))]
-            tags = _inside(first, last, judged.rows.tag[rows])
             near = np.abs(places - way[last]) < _NEAR
             is_short = way[last] - way[first] <= self.longest and self.between.is_cut[last]
             if is_short and near.sum() < _TRIES:
-                self.out[last] = self.out.get(last, set()) | tags
                 self.places.append(float(way[last]))
             else:
-                self.wanted |= tags
+                rows = bad[slice(*np.searchsorted(judged.rows.span[bad], [i, i + 1]))]
+                self.wanted |= _inside(first, last, judged.rows.tag[rows])
                 result[i] = False
         return result
-
-    def weigh(
-        self, ladder: Ladder, tags: IndexArray, before: IndexArray, after: IndexArray
-    ) -> None:
-        """Want key tags in cuts just taken out where the way found instead is dear.
-
-        Args:
-            ladder: of the key tags.
-            tags: (n,) key tags.
-            before: (n,) states of the best way with these cuts.
-            after: (n,) without.
-        """
-        other = before != after
-        into = other | np.append(False, other[:-1])
-        part = np.cumsum(into & ~np.append(False, into[:-1])) * into
-        more = np.bincount(part, ladder.costs(after) - ladder.costs(before))
-        rungs = np.searchsorted(tags, list(self.out))
-        dear = (more[part[rungs]] > _DEAR) | ladder.broken[rungs]
-        for is_dear, inside in zip(dear.tolist(), self.out.values(), strict=True):
-            self.wanted |= inside if is_dear else set()
-        self.out.clear()
 
 
 def _inside(first: int, last: int, bad: IndexArray) -> set[int]:

@@ -222,7 +222,7 @@ class PoseSearch:
         Of cuts between key tags apart from each other that cannot be run some stay in: ``wanted``
         names tags to make key instead.
         """
-        self.failing.begin()
+        self.failing.wanted.clear()
         check_steps = self.check_steps if steps else None
         found = free_path(
             self.ladder,
@@ -230,7 +230,6 @@ class PoseSearch:
             check_steps,
             self.beside,
             partial(fan, self),
-            self._weigh,
             lambda: bool(self.wanted),
         )
         self.out |= ~np.isfinite(self.ladder.cost) & np.isfinite(self.states.cost)
@@ -294,9 +293,6 @@ class PoseSearch:
         self.passed[after[rows[fine]]] = before[rows[fine]]
         good[rows] = ~self.failing.taken_out(spans, judged)
         return good
-
-    def _weigh(self, before: IndexArray, after: IndexArray) -> None:
-        self.failing.weigh(self.ladder, self.tags, before, after)
 
     def spans(self, before: IndexArray, after: IndexArray) -> Spans:
         """Return the steps (m,) between states as spans."""
