@@ -94,7 +94,6 @@ OFF: dict[str, tuple[Switch, ...]] = {
     "faster": ((SEARCH + "moved", "_faster", lambda p, b, poses, g: np.zeros(len(g.tags), bool)),),
     "without roll": (("postproc.planning.attempt", "without_roll", _nothing),),
     "fan": ((SEARCH + "pose_search", "fan", _nothing),),
-    "half way": ((SEARCH + "fans", "_half_way", lambda s, pairs, c: (pairs[:0], pairs)),),
     "alike": ((SEARCH + "fans", "_alike", lambda s, rung, a, b: np.zeros((0, 2), int)),),
     "hopeless": (
         (SEARCH + "between", "hopeless", lambda problem, way: np.zeros(len(problem), int)),
@@ -122,7 +121,6 @@ OFF: dict[str, tuple[Switch, ...]] = {
     "drawn in": ((ROUTE + "connect", "_drawn_in", lambda c, s, g, e, ways: ways),),
     "seem free": ((ROUTE + "connect", "seem_free", lambda c, s, *a: np.ones(len(s), bool)),),
     "probe": (("postproc.planning.checks.feasible.Checker", "_probe", _none),),
-    "probed": ((SEARCH + "fans", "LONG_WAY", 1e9),),
     "listed": (("postproc.ladder.graph.Graph", "_list", _none),),
     "swept": (("postproc.ladder.ladder.Ladder", "_is_swept", _no),),
     "put off": (("postproc.ladder.ladder", "NEAR", 10**9),),
@@ -253,6 +251,7 @@ HARD: dict[str, Callable[[Path], Made]] = {
     "s with a clamp": _contour("s", 200, 2.0, fixture=True),
     "long steps": _contour("convex", 8, 150.0, fixture=True, origin=(2150, 550, 750)),
     "beside a clamp": _contour("convex", 1000, 1.0, fixture=True),
+    "longer steps": _contour("convex", 12, 220.0, fixture=True, origin=(2150, 550, 750)),
     "long contour": _contour("wavy", 700, 2.0, fixture=False),
     "out of reach": _contour("convex", 300, 6.0, fixture=True, origin=(2600, 300, 900)),
     **{f"contour {seed}": lambda _, seed=seed: random_case(seed) for seed in (2, 5, 8, 23, 54)},

@@ -11,9 +11,7 @@ from postproc.planning.checks.explain import (
 )
 from postproc.planning.checks.feasible import (
     LARGEST_TURN,
-    LONG_WAY,
     MORE_CLEARANCE,
-    PROBES,
     RESOLUTION,
     Checker,
     Lines,
@@ -30,12 +28,10 @@ __all__ = [
     "CLOSE",
     "LARGEST_TURN",
     "LEAD_OUT",
-    "LONG_WAY",
     "LOWER",
     "MORE_CLEARANCE",
     "NEAR",
     "NEAR_BY",
-    "PROBES",
     "RESOLUTION",
     "Break",
     "Checker",

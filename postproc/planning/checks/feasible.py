@@ -34,12 +34,8 @@ JUMP = 40.0 * DEG
 """A joint that moves more than this over such a piece is passing a singularity."""
 LONG = 8
 """A motion of so many checked poses is probed before it is swept ..."""
-LONG_WAY = (LONG - 1) * STEP_LENGTH
-"""A straight motion of so many is longer than this [m]."""
 PROBES = np.array([0.5, 0.25, 0.75])
 """... at these shares of it."""
-SAME_POSE = 1e-9
-"""Joints that differ by less [rad] are those of one pose: solved twice, rounded differently."""
 
 
 class Reason(IntEnum):
@@ -419,26 +415,6 @@ class Checker:
         at = first[long, None] + np.round((count[long, None] - 1) * PROBES).astype(np.int64)
         at = at.ravel()
         self._hits(verdict, row[at], q[at], contact[row[at]])
-
-    def meets(self, lines: Lines, share: float) -> BoolArray:
-        """Return which long motions (m,) cannot stand at ``share`` of them, collisions included."""
-        met = np.zeros(len(lines), dtype=np.bool_)
-        rows = np.flatnonzero(lines.length > LONG_WAY)
-        if not len(rows):
-            return met
-        shares = np.full(len(rows), share)
-        external = lines.external_at(rows, shares)
-        near = lines.q_from[rows] + share * (lines.q_to - lines.q_from)[rows]
-        T = poses_between(lines, rows, shares)
-        q, reached = self.problem.solve(T, external, lines.branch[rows], near)
-        met[rows] = ~(reached & self.problem.within(q) & self.problem.regular(q))
-        rows, poses = rows[~met[rows]], self._standing(q, external)[~met[rows]]
-        same = np.column_stack([np.round(poses / SAME_POSE), lines.contact[rows]])
-        one, which = np.unique(same, axis=0, return_index=True, return_inverse=True)[1:]
-        verdict = Verdict.clean(len(one))
-        self._hits(verdict, np.arange(len(one)), poses[one], lines.contact[rows[one]])
-        met[rows] = ~verdict.good[which.ravel()]
-        return met
 
     def _sweep(
         self,

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray, Table, taken
-from postproc.planning.checks import PROBES, Checker, Lines, Reason
+from postproc.planning.checks import Checker, Lines, Reason
 from postproc.planning.route import is_too_fast
 from postproc.planning.search.between import Interpolation, Rows
 from postproc.planning.search.leaning import as_arcs, leans_too_far
@@ -91,31 +91,6 @@ def judge(checker: Checker, between: Interpolation, spans: Spans) -> Judged:
         np.concatenate([part.reason for _, part in parts]),
         np.concatenate([part.pair for _, part in parts]),
     )
-
-
-def probed(checker: Checker, spans: Spans) -> BoolArray:
-    """Return which of spans (m,) of one cut each meet something at one of a few places on it.
-
-    Only long ones are looked at. Many of them pass the same poses: each of these is checked once.
-    """
-    met = np.zeros(len(spans), dtype=np.bool_)
-    place = checker.problem.placement
-    open_ = np.arange(len(spans))
-    for share in PROBES.tolist():
-        some = spans.rows(open_)
-        lines = Lines(
-            place.tcp(some.first, some.attitude_first, checker.strokes.top[some.first]),
-            place.tcp(some.last, some.attitude_last),
-            some.q_first,
-            some.q_last,
-            some.branch,
-            np.ones(len(some), dtype=np.bool_),
-            (place.external[some.first], place.external[some.last]),
-        )
-        as_arcs(checker.problem, some.last, lines)
-        met[open_] = checker.meets(lines, share)
-        open_ = open_[~met[open_]]
-    return met
 
 
 def _judge(checker: Checker, between: Interpolation, spans: Spans) -> Judged:

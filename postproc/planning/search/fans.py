@@ -13,8 +13,7 @@ import numpy as np
 
 from postproc.arrays import BoolArray, IndexArray
 from postproc.ladder import Failing, Steps
-from postproc.planning.checks import LONG_WAY
-from postproc.planning.search.cuts import judge, probed
+from postproc.planning.search.cuts import judge
 from postproc.records import dataclass
 
 if TYPE_CHECKING:
@@ -28,10 +27,6 @@ _MOSTLY = 0.5
 """... and twice as many again while more than this share of them fails."""
 _ALIKE = 0.6
 """Steps are alike if no joint at either end differs by more [rad]."""
-_PROBED = 100_000
-"""So many of them at most are looked at half way ..."""
-_AT_FIRST = 5000
-"""... so many of these at once, twice as many where too few of them pass."""
 
 
 @dataclass(slots=True)
@@ -62,16 +57,12 @@ def fan(search: PoseSearch, steps: Steps, failing_of: Failing) -> Steps:
         if search.fanned[tag] == 1:
             pairs = _beside(search, rung, a, b)
         elif search.fanned[tag] == 2 or search.fanned[tag] % _OFTEN == 0:
-            pairs = search.ladder.cheapest(rung, _PROBED)
+            pairs = search.ladder.cheapest(rung, _MANY + len(search.looked_at.get(tag, ())))
         else:
             pairs = _alike(search, rung, a, b)
         pairs = pairs[~np.isin(_codes(search, pairs), search.looked_at.get(tag, ()))]
         length = float(np.diff(search.between.way[[tag - 1, tag]])[0])
         count = int(min(_MANY, max(_LEAST, _SWEPT / max(length, 1e-6))))
-        if length > LONG_WAY and len(pairs):
-            met, pairs = _half_way(search, pairs, count)
-            _note(search, tag, met)
-            known += _as_steps(met)
         fans.append(_Fan(tag, pairs[:_MANY], count))
     size = _LEAST
     while fans := [one for one in fans if len(one.pairs) and one.left]:
@@ -140,21 +131,6 @@ def _note(search: PoseSearch, tag: int, steps: IndexArray) -> None:
 
 def _as_steps(pairs: IndexArray) -> Steps:
     return [(a, b) for a, b in pairs.tolist()]
-
-
-def _half_way(search: PoseSearch, pairs: IndexArray, count: int) -> tuple[IndexArray, IndexArray]:
-    """Return the first steps of some (k, 2) that fail half way, and those that do not.
-
-    So many that ``count`` of the latter are among them, as far as there are.
-    """
-    failing, rest, low, size = [pairs[:0]], [pairs[:0]], 0, _AT_FIRST
-    while low < len(pairs) and sum(map(len, rest)) < count:
-        some = pairs[low : low + size]
-        met = probed(search.checker, search.spans(some[:, 0], some[:, 1]))
-        failing.append(some[met])
-        rest.append(some[~met])
-        low, size = low + size, 2 * size
-    return np.concatenate(failing), np.concatenate(rest)[:_MANY]
 
 
 def _codes(search: PoseSearch, steps: IndexArray) -> IndexArray:
