@@ -16,8 +16,7 @@ from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
 
-from postproc.comparison.difference import Difference, DiffTolerance
-from postproc.comparison.group import Group, group_lines
+from postproc.comparison.difference import Difference, DiffTolerance, Group, group_lines
 from postproc.comparison.groups import groups_of
 from postproc.comparison.lines import Compared, Program, differences, program_of
 from postproc.controller import load_program

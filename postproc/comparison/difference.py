@@ -1,9 +1,11 @@
-"""One difference of two programs, and what still counts as none."""
+"""One difference of two programs, what counts as none, and a group: one line of a review."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
+from postproc.arrays import FloatArray
 from postproc.records import dataclass
 
 
@@ -49,3 +51,69 @@ class Difference:
         old = f"{self.old_file}:{self.old_line}" if self.old_line is not None else "-"
         new = f"{self.new_file}:{self.new_line}" if self.new_line is not None else "-"
         return f"{old} -> {new}: {self.kind}: {self.detail}"
+
+
+KINDS = ("cell", "order", "removed", "added", "moved", "process", "state", "posture", "spin")
+"""Worst first: what changes all motions, then which work is done and where, then how."""
+SHOWN = 10
+"""So many lines are printed; the JSON document has all."""
+NAMED = 4
+"""So many objects are named in a line of text; all stand in ``ids``."""
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """One line of a review: ``count`` differences of a kind, the objects, the worst of them."""
+
+    kind: str
+    count: int
+    ids: tuple[str, ...]
+    worst: dict[str, Any]
+    text: str
+
+    def of_program(self, name: str) -> Group:
+        """Return the group with the name of its program, of several."""
+        ids = tuple(f"{name} {one}" for one in self.ids)
+        worst = (
+            {**self.worst, "id": f"{name} {self.worst['id']}"} if "id" in self.worst else self.worst
+        )
+        return Group(self.kind, self.count, ids, worst, f"{name}: {self.text}")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the entry of the JSON document."""
+        return {
+            "kind": self.kind,
+            "count": self.count,
+            "ids": list(self.ids),
+            "worst": self.worst,
+            "text": self.text,
+        }
+
+
+def group_lines(groups: Sequence[Group], most: int = SHOWN) -> list[str]:
+    """Return at most so many lines of text."""
+    lines = [f"{group.kind}: {group.text}" for group in groups]
+    if len(lines) > most:
+        lines[most - 1 :] = [f"and {len(lines) - most + 1} more groups, see --json"]
+    return lines
+
+
+def names(ids: Sequence[str]) -> str:
+    """Return the first few of many ids, with what they are said once."""
+    shown = [ids[0], *(i.removeprefix("CAM line ") for i in ids[1:NAMED])]
+    return ", ".join(shown) + (f" and {len(ids) - NAMED} more" if len(ids) > NAMED else "")
+
+
+def tidy(value: float) -> float:
+    """Return a number with the digits that count, and no -0."""
+    return round(float(value), 4) + 0.0
+
+
+def xyz(values: FloatArray) -> list[float]:
+    """Return the coordinates (3,) as they are told."""
+    return [tidy(v) for v in values]
+
+
+def vector(values: Sequence[float]) -> str:
+    """Return coordinates as text."""
+    return "(" + ", ".join(f"{v:g}" for v in values) + ")"

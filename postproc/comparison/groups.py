@@ -9,8 +9,17 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.comparison import listed as beside
-from postproc.comparison.difference import Difference, DiffTolerance
-from postproc.comparison.group import KINDS, NAMED, Group, names, tidy, vector, xyz
+from postproc.comparison.difference import (
+    KINDS,
+    NAMED,
+    Difference,
+    DiffTolerance,
+    Group,
+    names,
+    tidy,
+    vector,
+    xyz,
+)
 from postproc.comparison.lines import Compared
 from postproc.comparison.manifest import about
 from postproc.comparison.objects import Matched, Place, Shift, match, places_of, tool_axis

@@ -10,9 +10,8 @@ import numpy as np
 
 from postproc.arrays import FloatArray, IndexArray
 from postproc.comparison.align import Lines, align
-from postproc.comparison.camlines import cam_lines
 from postproc.comparison.listing import listing
-from postproc.comparison.settings import StateDifference, state_differences
+from postproc.comparison.settings import StateDifference, cam_lines, state_differences
 from postproc.comparison.texts import AXES, POSE, externals_text, status_text, target_text
 from postproc.controller import Blend, EventWord, Trace, TraceEvent
 from postproc.geometry import rotation_angle, rotation_from_abc

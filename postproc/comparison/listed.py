@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.comparison.difference import Difference
-from postproc.comparison.group import Group, tidy
+from postproc.comparison.difference import Difference, Group, tidy
 from postproc.comparison.lines import Compared, Program
 from postproc.controller import Trace
 from postproc.geometry import kuka_from_transform

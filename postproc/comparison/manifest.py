@@ -1,4 +1,4 @@
-"""What the manifest beside a program says of it: frames of the cell, ids of the tags."""
+"""The manifest beside programs: what it says of them, and how a new version is accepted."""
 
 from __future__ import annotations
 
@@ -8,7 +8,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-NAME = "manifest.json"
+from postproc.controller import load_program
+from postproc.errors import KrlError, SourceRef
+from postproc.files import read_bytes, write_files
+from postproc.krl import KrlModule, load_modules
+
+MANIFEST = "manifest.json"
 """What a batch keeps about the programs of a folder."""
 
 
@@ -20,7 +25,7 @@ def about(paths: Sequence[str]) -> dict[str, Any]:
     files = [Path(path) for path in paths]
     if not files or not all(path.is_file() for path in files):
         return {}
-    manifest = files[0].parent / NAME
+    manifest = files[0].parent / MANIFEST
     if not manifest.is_file():
         return {}
     try:
@@ -33,3 +38,51 @@ def about(paths: Sequence[str]) -> dict[str, Any]:
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return {}
     return parts if is_sound and all(isinstance(v, dict) for v in parts.values()) else {}
+
+
+def accept(old: str | Path, new: str | Path) -> list[str]:
+    """Copy a program with its sub-programs, or a folder's modules, over the old ones.
+
+    Of folders, modules that the new one has no more are removed from the old one, and a batch's
+    manifest comes along. All other files stay as they are.
+
+    Returns:
+        The files that were written or removed, in order; empty if all were the same.
+
+    Raises:
+        KrlError: DIF002 if the two programs have different names; or if one is no KRL.
+        ReadError: if a file cannot be read or written.
+    """
+    left, right = Path(old), Path(new)
+    if left.is_dir():
+        before, after = _files(left, load_modules([left])), _files(right, load_modules([right]))
+        gone = sorted(before.keys() - after.keys())
+        if (right / MANIFEST).is_file():
+            after[MANIFEST] = right / MANIFEST
+    else:
+        if left.stem.upper() != right.stem.upper():
+            raise KrlError(
+                "DIF002",
+                f"{left.stem} cannot become {right.stem}: a module has the name of its file",
+                SourceRef(str(new)),
+            )
+        before, after = {}, _files(right.parent, load_program(right))
+        gone, left = [], left.parent
+    contents = {}
+    for name, path in sorted(after.items()):
+        content = read_bytes(path)
+        target = before.get(
+            name, left / path.relative_to(right if right.is_dir() else right.parent)
+        )
+        if not target.is_file() or target.read_bytes() != content:
+            contents[target] = content
+    write_files(contents)
+    for name in gone:
+        before[name].unlink(missing_ok=True)
+    return [str(path) for path in sorted([*contents, *(before[name] for name in gone)])]
+
+
+def _files(folder: Path, modules: tuple[KrlModule, ...]) -> dict[str, Path]:
+    """Return the files of modules by their upper-case name within the folder."""
+    paths = [Path(p) for m in modules for p in (m.src_path, m.dat_path) if p]
+    return {str(path.relative_to(folder)).upper(): path for path in paths if path.is_file()}

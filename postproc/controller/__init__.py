@@ -6,8 +6,15 @@ from postproc.controller.modules import load_program
 from postproc.controller.motions import Motions
 from postproc.controller.runtime import UNKNOWN, pose_of, text_of
 from postproc.controller.state import INITMOV, STOPMESS, Values
-from postproc.controller.trace import Blend, EventWord, MotionType, Settings, Trace, TraceEvent
-from postproc.controller.world import World
+from postproc.controller.trace import (
+    Blend,
+    EventWord,
+    MotionType,
+    Settings,
+    Trace,
+    TraceEvent,
+    World,
+)
 
 __all__ = [
     "INITMOV",

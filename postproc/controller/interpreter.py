@@ -44,9 +44,8 @@ from postproc.controller.runtime import (
 )
 from postproc.controller.state import STOPMESS, MotionState
 from postproc.controller.targets import Targets
-from postproc.controller.trace import EventWord, Trace
+from postproc.controller.trace import EventWord, Trace, World
 from postproc.controller.trust import Trust, is_quiet, reading
-from postproc.controller.world import World
 from postproc.errors import RunKind, Severity, SourceRef
 from postproc.kinematics import Kinematics
 from postproc.krl import (

@@ -16,7 +16,7 @@ from postproc.controller.runtime import (
     text_of,
     with_component,
 )
-from postproc.controller.world import World
+from postproc.controller.trace import World
 from postproc.errors import SourceRef
 from postproc.krl import (
     Aggregate,

@@ -5,7 +5,7 @@ Columns hold the controller's own numbers turned to SI; nothing here knows kinem
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import field
 from enum import IntEnum, StrEnum
 from typing import NamedTuple
@@ -14,6 +14,7 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.errors import Finding
+from postproc.krl import Aggregate, Axes, Pose
 from postproc.records import dataclass
 
 """Indices of motions or samples."""
@@ -186,3 +187,30 @@ class Trace:
     def place_of(self, event: TraceEvent) -> tuple[str, int]:
         """Return file and line of an event."""
         return self.files[event.file], event.line
+
+
+@dataclass(slots=True)
+class World:
+    """What the program finds on the controller.
+
+    Args:
+        tools: TOOL_DATA by number; bases: BASE_DATA by number [mm, deg], in $WORLD.
+        T_world_robroot: (4, 4) $ROBROOT [m].
+        points: named points that are not in the files, such as the home position, and the data of
+            its form.
+        joints: returns the joints (6,) [rad] at the end of a trace, for joint motions relative to
+            a Cartesian target.
+        hooks: routines of the integrator, in upper case: their calls are events, and trusted where
+            the routine is in none of the files; one that is there is run as any other.
+        stopping: those of them whose lines, as the cell says, stop the advance run first.
+        accept: names, in upper case, of what cannot be judged and is taken on trust.
+    """
+
+    tools: Mapping[int, Pose] = field(default_factory=dict)
+    bases: Mapping[int, Pose] = field(default_factory=dict)
+    points: Mapping[str, Pose | Axes | Aggregate] = field(default_factory=dict)
+    T_world_robroot: FloatArray = field(default_factory=lambda: np.eye(4))
+    joints: Callable[[Trace], FloatArray | None] = lambda _trace: None
+    hooks: frozenset[str] = frozenset()
+    stopping: frozenset[str] = frozenset()
+    accept: frozenset[str] = frozenset()

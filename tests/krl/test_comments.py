@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from postproc.krl.text.comments import ascii_text, comment_text
+from postproc.krl.text.names import ascii_text, comment_text
 
 HOSTILE = [
     "x\nHALT",

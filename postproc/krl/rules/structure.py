@@ -168,3 +168,22 @@ def _data_lines(subject: Subject, module: KrlModule, data: DataList) -> None:
         elif not isinstance(statement, (*_QUIET, *_DATA)):
             message = "an instruction in a data list"
             subject.add(6, ERROR, module.dat_path, statement.line, message)
+
+
+def labels(subject: Subject) -> None:
+    """Row 29: every GOTO has its label in the routine, and no label stands there twice."""
+    for part in subject.parts:
+        controls = part.of(Control)
+        lines: dict[str, int] = {}
+        for label in controls:
+            name = label.text.upper()
+            if label.word != "LABEL":
+                continue
+            if name in lines:
+                message = f"label {label.text} stands in line {lines[name]} already"
+                subject.add(29, ERROR, part.path, label.line, message)
+            lines.setdefault(name, label.line)
+        for jump in controls:
+            if jump.word == "GOTO" and jump.text.upper() not in lines:
+                message = f"GOTO {jump.text}: {part.routine.name} has no such label"
+                subject.add(29, ERROR, part.path, jump.line, message)

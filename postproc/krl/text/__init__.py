@@ -1,6 +1,5 @@
 """KRL as text: lexer, parser, the program as data, and its rendering."""
 
-from postproc.krl.text.comments import comment_text
 from postproc.krl.text.expression import (
     Binary,
     FunctionCall,
@@ -14,7 +13,7 @@ from postproc.krl.text.expression import (
 )
 from postproc.krl.text.lexer import KrlSyntaxError, tokenise
 from postproc.krl.text.literals import components, pose_or_axes, table_of
-from postproc.krl.text.names import NameAllocator, legal_name
+from postproc.krl.text.names import NameAllocator, comment_text, legal_name
 from postproc.krl.text.parse import load_modules, parse_files, parse_module, require_sound
 from postproc.krl.text.program import (
     Aggregate,
