@@ -2,7 +2,7 @@
 
 from postproc.paths.externals import Externals
 from postproc.paths.moments import Displacement, Moments, Timeline, directions, moments_of
-from postproc.paths.motion import Paths, Shift, Station, joint_paths, top_speeds
+from postproc.paths.motion import STEP_ANGLE, Paths, Shift, Station, joint_paths, top_speeds
 from postproc.paths.times import (
     SLOWEST,
     at_speed,
@@ -20,6 +20,7 @@ from postproc.paths.world import run_in_cell
 
 __all__ = [
     "SLOWEST",
+    "STEP_ANGLE",
     "Displacement",
     "Externals",
     "Moments",

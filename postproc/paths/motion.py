@@ -164,7 +164,7 @@ class Station:
         self, T_robroot_flange: FloatArray, external: FloatArray, row: AnyIntArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return the real TCP (n, 3) [m] and tool axis (n, 3) in the part, at motions ``row``."""
-        T_part_robroot = inverse(self._parts(external, row))
+        T_part_robroot = inverse(self.parts(external, row))
         tools = self.cell.tools
         if len(tools) == 1:
             T = T_part_robroot @ T_robroot_flange @ tools[0].T_flange_tcp
@@ -177,12 +177,12 @@ class Station:
         self, vectors: FloatArray, external: FloatArray, row: AnyIntArray
     ) -> FloatArray:
         """Return vectors (n, 3) of robroot in axes of the part, at motions ``row``."""
-        T = self._parts(external, row)
+        T = self.parts(external, row)
         if T.ndim == 2:
             return np.asarray(vectors @ T[:3, :3])
         return np.asarray(np.einsum("nji,nj->ni", T[:, :3, :3], vectors))
 
-    def _parts(self, external: FloatArray, row: AnyIntArray) -> FloatArray:
+    def parts(self, external: FloatArray, row: AnyIntArray) -> FloatArray:
         """Return T_robroot_part (n, 4, 4), or (4, 4) where it is one for all."""
         bases = self.cell.bases
         T = np.asarray(bases[0].T_robroot_base)

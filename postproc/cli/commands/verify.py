@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -27,6 +28,7 @@ Examples:
   postproc verify out/panel.src --cell cell.toml --against panel.csv --json
   postproc verify out/panel.src --cell cell.toml --against panel.csv --report out/verify.html
   postproc verify out/panel.src --cell cell.toml --against panel.csv --model model.toml
+  postproc verify out/panel.src --cell cell.toml --against panel.csv --path out/path.csv
 """
 
 
@@ -56,6 +58,9 @@ Examples:
 )
 @click.option("--no-collisions", is_flag=True, help="Do not search for collisions.")
 @click.option("--report", metavar="FILE.html", help="Write a page that shows the run.")
+@click.option(
+    "--path", metavar="FILE.csv|.json", help="Write the simulated path, one row for each step."
+)
 @standard_options
 def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
     """Verify a KRL program from its text, with the sub-programs beside it.
@@ -68,6 +73,8 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     code 1 if anything is violated.
     """
     from postproc.cell import load_cell
+    from postproc.files import write_files
+    from postproc.jobs.simulated_path import check_path_name, path_file
     from postproc.jobs.verify import uncounted, verify
     from postproc.model import load_model
     from postproc.units import DEG, MM
@@ -75,6 +82,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
 
     if options["model"] and not options["against"]:
         raise click.UsageError("--model needs --against: the real tool is compared with CAM points")
+    check_path_name(options["path"])
     cell = load_cell(options["cell"])
     model = load_model(options["model"]) if options["model"] else None
     if model is not None:
@@ -94,13 +102,14 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
             progress,
             model,
         )
+    files = {}
     if options["report"]:
-        from pathlib import Path
-
-        from postproc.files import write_files
         from postproc.jobs.pages import page_of_verification
 
-        write_files({Path(options["report"]): page_of_verification(report, cell, toolpath)})
+        files[Path(options["report"])] = page_of_verification(report, cell, toolpath)
+    if options["path"]:
+        files[Path(options["path"])] = path_file(options["path"], report, cell, toolpath)
+    write_files(files)
     session.document(report.to_dict())
     _show(session, report, _measured(report, cell, tolerances))
     return answer(report.ok)
