@@ -41,6 +41,7 @@ COMMANDS = {
     "identify": "Joint stiffness from measurements.",
     "diagnose": "The sim-to-real gap: where, which effect, how far it shrinks.",
     "predict": "Tool points that the model expects.",
+    "place": "The best place of the part, or of the robot, for a job.",
     "fit-base": "The base of a part from measured datum points.",
     "stiffness": "Stiffness index over the rotation about the tool axis.",
     "ui": "A workbench in the browser: see, pin, move, save.",

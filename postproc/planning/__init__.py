@@ -24,6 +24,7 @@ from postproc.planning.maps import (
     spin_degrees,
     spin_map,
 )
+from postproc.planning.places import Rank, Reach
 from postproc.planning.planner import plan
 from postproc.planning.route import cell_at
 from postproc.planning.search import arc_length
@@ -49,6 +50,8 @@ __all__ = [
     "Objective",
     "PlanMaps",
     "PlanOptions",
+    "Rank",
+    "Reach",
     "SpinClass",
     "SpinCurves",
     "SpinIndex",

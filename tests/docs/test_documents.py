@@ -27,6 +27,7 @@ DATUM = str(FIXTURES / "measuring_plan" / "datum.csv")
 LOG = str(ROOT / "tests" / "trace" / "data" / "log.csv")
 EXPECTED = str(FIXTURES / "trim_5axis" / "expected")
 BOX = ["--box", "1400", "-200", "900", "1700", "200", "1200", "--grid", "200"]
+NEAR = ["--box", "1750", "-150", "800", "1800", "-100", "850"]
 CALLS = {
     "convert": ["convert", TRIM, "--cell", CELL, "-o", "out"],
     "convert failing": ["convert", RAIL, "--cell", CELL, "-o", "out"],
@@ -54,6 +55,7 @@ CALLS = {
     "predict": ["predict", ROWS, "--cell", ARM, "-o", "expected.csv"],
     "batch": ["batch", TRIM, "--cell", CELL, "-o", "batch", "--jobs", "1"],
     "batch check": ["batch", TRIM, "--cell", CELL, "-o", "batch", "--check", "--jobs", "1"],
+    "place": ["place", TRIM, "--cell", CELL, *NEAR],
     "fit-base": ["fit-base", DATUM, "--cell", CELL, "--job", TRIM],
     "error": ["inspect", "nobody.apt"],
     "new-cell": ["new-cell", "-o", "new.toml", "--robot", "kuka_kr500_r2830"],
@@ -108,9 +110,14 @@ def test_the_manifest_is_as_described(documents, capsys, monkeypatch):
     assert faults(json.loads(text)) == []
 
 
+def test_a_path_is_as_described(tmp_path):
+    app.run([*CALLS["verify"], "--quiet", "--path", str(tmp_path / "path.json")])
+    assert faults(json.loads((tmp_path / "path.json").read_text(encoding="utf-8"))) == []
+
+
 def test_every_schema_is_valid_and_met(documents, capsys, monkeypatch):
     met = {documents(name, capsys, monkeypatch)["schema"] for name in CALLS}
-    assert met | {"postproc.manifest/1"} == set(SCHEMAS)
+    assert met | {"postproc.manifest/1", "postproc.path/1"} == set(SCHEMAS)
     for schema in SCHEMAS.values():
         jsonschema.Draft202012Validator.check_schema(schema)
 

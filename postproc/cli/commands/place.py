@@ -1,0 +1,88 @@
+"""``postproc place``: where the part, or the robot, stands best for a job."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from postproc.cli.common import (
+    NUMBER,
+    Session,
+    answer,
+    read_cam,
+    reading_options,
+    standard_options,
+)
+
+EPILOG = """\b
+Examples:
+  postproc place holes.csv --cell cell.toml --box 1200 -600 300 2400 600 1200 -o cell2.toml
+  postproc place part.cls --cell cell.toml --free xyzA --json
+"""
+
+
+@click.command(epilog=EPILOG)
+@click.argument("source", metavar="INPUT")
+@click.option("--cell", required=True, metavar="CELL.toml", help="The robot cell.")
+@click.option(
+    "--box",
+    nargs=6,
+    type=NUMBER,
+    metavar="X0 Y0 Z0 X1 Y1 Z1",
+    help="Where the origin of the part may be, in the robot root [mm]; of the robot in the world. "
+    "Without it: wherever the arm reaches, for a workpiece with a solid.",
+)
+@click.option(
+    "--free",
+    type=click.Choice(["xyz", "xyzA"]),
+    default="xyz",
+    show_default=True,
+    help="What is free: the place, or also the turn about the vertical.",
+)
+@click.option(
+    "--move",
+    type=click.Choice(["part", "rail", "robot"]),
+    default="part",
+    show_default=True,
+    help="What is moved: the part with all setups, the robot, or the rail with the robot on it.",
+)
+@click.option("-o", "--output", metavar="CELL2.toml", help="Write the cell with the place found.")
+@reading_options
+@standard_options
+def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
+    """Find the best place for a job: every tag in reach, then stiff, clear and unwound.
+
+    Fixed solids stay where they are. A place is called good when the full plan there is: what
+    convert does. Exit code 1, and no cell, where none is found; the best one of all is told.
+    """
+    from postproc.cell import load_cell
+    from postproc.files import write_files
+    from postproc.jobs.place import place
+
+    cell = load_cell(options["cell"])
+    toolpath = read_cam(options["source"], options, cell)
+    with session.progress() as progress:
+        job = place(toolpath, cell, options["box"], options["free"], options["move"], progress)
+    if options["output"] and job.good:
+        write_files({Path(options["output"]): job.cell_file(options["output"])})
+    content = job.document
+    if not job.good:
+        session.findings(job.findings)
+    session.document(content)
+    xyz, abc = (" ".join(f"{v:g}" for v in content["frame"][key]) for key in ("xyz_mm", "abc_deg"))
+    searched = content["searched"]
+    stiff, clear = content["stiffness_mean_N_per_mm"], content["clearance_mm"]
+    told = "" if stiff is None else f", mean stiffness {stiff:.0f} N/mm"
+    told += "" if clear is None else f", clearance {clear:.1f} mm"
+    session.show(
+        f"{options['move']} at X Y Z {xyz} mm, A B C {abc} deg: {content['tags_good']} of "
+        f"{content['tags']} tags can be run{told}"
+    )
+    session.show(
+        f"{searched['places']} places looked at, {searched['in_reach']} of them within reach; "
+        f"{searched['with_solids']} tried with solids, {searched['plans']} planned in full"
+    )
+    session.show("good: the full plan is" if job.good else "no good place was found")
+    return answer(job.good)
