@@ -29,6 +29,7 @@ from postproc.emitters import (
 from postproc.errors import CellError, DataError, Finding, Severity, SourceRef, fold
 from postproc.files import remove_files, write_files
 from postproc.jobs.arm_doubts import warned_doubts
+from postproc.jobs.causes import Cause, causes
 from postproc.jobs.joint_targets import with_joint_targets
 from postproc.jobs.solid_doubts import place_findings, size_findings
 from postproc.jobs.trade import Outcome, lost_percent, outcomes
@@ -119,7 +120,8 @@ class Conversion:
 
     ``cell``: with the emitter, the strategy and the objective of the call, and what a model knows
     of the arm. ``read``: what the program text says, None where none was written. ``trade``: what
-    each preset would make of it, where that was asked.
+    each preset would make of it, where that was asked. ``causes``: why tags fail, and
+    what cures it.
     """
 
     cell: Cell
@@ -131,6 +133,7 @@ class Conversion:
     timing: Mapping[str, float] = field(default_factory=dict)
     read: ReadBack | None = None
     trade: tuple[Outcome, ...] = ()
+    causes: tuple[Cause, ...] = ()
 
     @property
     def good(self) -> bool:
@@ -205,6 +208,24 @@ def convert(
         )
     files, name = program.files, program.name
     return Conversion(cell, toolpath, plan, files, name, findings, clock.total(), read, trade)
+
+
+def explained(conversion: Conversion, request: ConvertRequest) -> Conversion:
+    """Return a conversion that failed with its causes; each cure is one that was converted with.
+
+    Args:
+        conversion: of the request.
+        request: as it was.
+    """
+    if conversion.good or request.model:
+        return conversion
+    again = replace(request, pins=None, trade=False, partial=False)
+
+    def is_good(cell: Cell) -> bool:
+        return convert(again, None, conversion.toolpath, cell).good
+
+    found = causes(conversion.toolpath, conversion.cell, conversion.plan.errors, is_good)
+    return replace(conversion, causes=found)
 
 
 def read_toolpath(request: ConvertRequest, cell: Cell) -> ToolPath:
@@ -387,6 +408,7 @@ def document(conversion: Conversion) -> dict[str, Any]:
         "points": len(plan),
         "left_out": _left_out(plan),
         "failures": failures(conversion),
+        "causes": [cause.to_dict() for cause in conversion.causes],
         "grades": grade_counts(plan, conversion.cell),
         "clearance": smallest_clearance(conversion),
         "stiffness": _stiffness(conversion),

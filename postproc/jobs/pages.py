@@ -42,6 +42,7 @@ def page_of_conversion(conversion: Conversion) -> bytes:
         findings,
         program_text(conversion.files, conversion.read),
         [HEAD, *(outcome.row() for outcome in conversion.trade)] if conversion.trade else (),
+        [cause.text for cause in conversion.causes],
     )
 
 

@@ -93,6 +93,20 @@ class Reach:
             ]
         )
 
+    def serves(self, tags: tuple[int, ...]) -> bool:
+        """Return whether some pose serves each of tags and of those that places are compared by.
+
+        Reach is asked first: it is what fails most often, and costs least.
+        """
+        first, pieces = 0, []
+        for problem, spread in self.pieces:
+            own = np.array([t - first for t in tags if first <= t < first + len(problem)], int)
+            some = own[:: max(1, len(own) // COMPARED)]
+            pieces.append((problem, np.unique(np.concatenate([some, spread]))))
+            first += len(problem)
+        asked = replace(self, pieces=tuple(pieces))
+        return bool(np.isfinite(asked.margins(self.cell)).all() and asked.rank(self.cell).free == 1)
+
     def margins(self, cell: Cell) -> FloatArray:
         """Return the largest margin (t,) [rad] of tags over spins and branches, -inf out of reach.
 

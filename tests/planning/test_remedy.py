@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import re
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from postproc.cell.cell import Workpiece
 from postproc.cell.file import parse_cell
 from postproc.model.toolpath import Cycle, MotionKind
 from postproc.planning.checks import explain
 from postproc.planning.planner import plan
-from postproc.units import DEG, MM
+from postproc.units import DEG
 from tests.cells import STIFFNESS, cell_text
 from tools.bench.contours import SOLIDS
 
@@ -23,34 +19,6 @@ FRONT = np.array([-1.0, 0.0, 0.0])
 def hole(make_path, x, axis=FRONT):
     cycles = (Cycle("drill", 0.0, 0.0, 0.0, feed=0.002),)
     return make_path([[x, 0.0, 1.0]], axis, MotionKind.HOLE, cycle=np.zeros(1, int), cycles=cycles)
-
-
-@pytest.mark.usefixtures("no_scene")
-def test_shift_of_the_workpiece(make_cell, make_path):
-    cell, toolpath = make_cell(), hole(make_path, 3.6)
-    finding = plan(toolpath, cell).errors[0]
-    assert finding.code == "PLN101"
-    size, axis = re.search(r"workpiece ([+-]\d+) mm along ([xyz])", finding.hint).groups()
-    T = np.eye(4)
-    T["xyz".index(axis), 3] = float(size) * MM
-    assert not plan(toolpath, replace(cell, bases=(Workpiece(1, T),))).errors
-    T["xyz".index(axis), 3] *= 0.5
-    assert plan(toolpath, replace(cell, bases=(Workpiece(1, T),))).errors
-
-
-@pytest.mark.usefixtures("no_scene")
-@pytest.mark.parametrize("spin_deg", [-150, -90, -30, 30, 90, 150])
-def test_a_shift_serves_the_spin_that_a_tag_is_pinned_to(make_cell, make_path, spin_deg):
-    toolpath = hole(make_path, 3.6)
-    pinned = make_cell(optimize={"pins": {toolpath.tag_name(0): spin_deg * DEG}})
-    (finding,) = plan(toolpath, pinned).errors
-    size, axis, so = re.search(
-        r"workpiece (\S+) mm along ([xyz]) .* reach(.*)", finding.hint
-    ).groups()
-    T = np.eye(4)
-    T["xyz".index(axis), 3] = float(size) * MM
-    moved = replace(pinned, bases=(Workpiece(1, T),))
-    assert bool(plan(toolpath, moved).errors) == (so == " at another spin")
 
 
 @pytest.mark.usefixtures("no_scene")
@@ -75,7 +43,7 @@ def test_remedies_of_many_failing_tags_are_looked_for_a_few_times_only(
     toolpath = make_path(points, FRONT, MotionKind.HOLE, cycle=np.zeros(n, int), cycles=cycles)
     asked = []
 
-    def counted(checker, tag, reason, common):
+    def counted(checker, tag, reason):
         asked.append(tag)
         return f"remedy of {tag}"
 

@@ -86,7 +86,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     are checked along the whole motion, and the written text is read back and compared with the
     CAM path. If any tag fails nothing is written and the exit code is 1.
     """
-    from postproc.jobs.convert import ConvertRequest, convert, document, land
+    from postproc.jobs.convert import ConvertRequest, convert, document, explained, land
 
     request = ConvertRequest(
         source=options["source"],
@@ -103,7 +103,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         partial=options["partial"],
     )
     with session.progress() as progress:
-        conversion = convert(request, progress)
+        conversion = explained(convert(request, progress), request)
         maps = _spin_maps(conversion, options["spin_maps"], progress)
     folder = Path(options["output"])
     contents = dict(maps)
@@ -112,6 +112,8 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
 
         contents[Path(options["report"])] = page_of_conversion(conversion)
     removed, stay = land(conversion, folder, contents)
+    for cause in conversion.causes:
+        click.echo(cause.text, err=True)
     session.findings([*conversion.findings, *stay])
     content = {**document(conversion), "removed": list(removed)}
     session.document(content)

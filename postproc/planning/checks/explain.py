@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cached_property
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from postproc.arrays import IndexArray
 from postproc.errors import Finding, Severity
 from postproc.model import ToolPath
 from postproc.planning.checks.feasible import Checker, Reason
-from postproc.planning.checks.remedy import common_shift, remedy
+from postproc.planning.checks.remedy import remedy
 from postproc.planning.states import BRANCHES, NO_POSE, Chosen, Problem, States
 from postproc.records import dataclass
 from postproc.units import DEG
@@ -33,9 +32,6 @@ ALIKE = 50
 COUNTED = (Reason.UNREACHABLE, Reason.JOINT_LIMIT, Reason.SINGULAR)
 HURDLES = (Reason.COLLISION, Reason.SPEED, Reason.SINGULAR, Reason.JOINT_LIMIT, Reason.UNREACHABLE)
 """What stands in the way, the last that is checked first."""
-_BEYOND = frozenset(f"PLN{int(reason)}" for reason in COUNTED)
-MANY = 5
-"""From so many tags out of reach on, one move of the workpiece for all of them is looked for."""
 
 
 def failure(problem: Problem, tag: int, reason: Reason, detail: str, hint: str = "") -> Finding:
@@ -126,17 +122,11 @@ class _Remedies:
     Each search tries hundreds of poses; thousands of tags that fail alike need no more than a few.
     """
 
-    def __init__(self, checker: Checker, many: bool) -> None:
+    def __init__(self, checker: Checker) -> None:
         self._checker = checker
-        self._many = many
         self._searches = 0
         self._first, self._row = -1, -1
         self._reason, self._text = Reason.NONE, ""
-
-    @cached_property
-    def common_shift(self) -> str:
-        """The shift of the workpiece that brings all of many tags within reach, empty for none."""
-        return common_shift(self._checker) if self._many else ""
 
     def hint(self, row: int, tag: int, reason: Reason) -> str:
         """Return what would help the tag of a row; ask for rows in growing order."""
@@ -149,8 +139,7 @@ class _Remedies:
             self._text = f"what would help was looked for at {HELPED} tags before this one only"
             return self._text
         self._searches += 1
-        common = self.common_shift if reason in COUNTED else ""
-        found = remedy(self._checker, tag, reason, common)
+        found = remedy(self._checker, tag, reason)
         if found:
             self._text = f"at tag {self._checker.problem.toolpath.tag_name(tag)} near by: {found}"
         return found
@@ -159,14 +148,9 @@ class _Remedies:
 def explained(checker: Checker, evidence: Evidence) -> list[Finding]:
     """Return one finding for every tag that has no pose, or that no cut can enter."""
     lost = np.flatnonzero(~evidence.chosen.good).tolist()
-    remedies = _Remedies(checker, many=len(lost) >= MANY)
+    remedies = _Remedies(checker)
     findings = [_no_pose(checker, evidence, row, remedies) for row in lost]
-    count = sum(finding.code in _BEYOND for finding in findings)
-    findings += [_no_way(checker, evidence, row) for row in sorted(evidence.breaks)]
-    if count >= MANY and (shift := remedies.common_shift):
-        text = f"{count} tags have no pose: moving the workpiece {shift} would give each one"
-        findings.append(Finding(Severity.NOTE, "PLN320", text))
-    return findings
+    return findings + [_no_way(checker, evidence, row) for row in sorted(evidence.breaks)]
 
 
 def _no_pose(checker: Checker, evidence: Evidence, row: int, remedies: _Remedies) -> Finding:

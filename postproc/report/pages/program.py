@@ -42,6 +42,7 @@ def program_page(
     findings: Sequence[Finding] = (),
     text: ProgramText | None = None,
     presets: Sequence[Sequence[str]] = (),
+    causes: Sequence[str] = (),
 ) -> bytes:
     """Return the page of a plan as one self-contained HTML file.
 
@@ -52,9 +53,11 @@ def program_page(
         findings: all findings of the conversion.
         text: the program text, read back; None when no text was written.
         presets: head and rows of what each preset would lose and gain; none where not asked.
+        causes: why tags fail and what cures it, behind the verdict.
     """
     columns = tag_columns(plan, drawing.cell, maps, text)
-    page = Page(f"{plan.name}: {drawing.cell.name}", lead(plan, maps, columns, findings))
+    verdict, *more = lead(plan, maps, columns, findings)
+    page = Page(f"{plan.name}: {drawing.cell.name}", [verdict, *causes, *more])
     page.script = "program.js"
     page.data |= program_data(plan, drawing, maps, findings, text, columns)
     motion_sections(page, columns, "Tags", spins=True)
