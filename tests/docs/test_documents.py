@@ -117,7 +117,7 @@ def test_a_path_is_as_described(tmp_path):
 
 def test_every_schema_is_valid_and_met(documents, capsys, monkeypatch):
     met = {documents(name, capsys, monkeypatch)["schema"] for name in CALLS}
-    assert met | {"postproc.manifest/1", "postproc.path/1"} == set(SCHEMAS)
+    assert met | {"postproc.manifest/1", "postproc.path/1", "postproc.ui/1"} == set(SCHEMAS)
     for schema in SCHEMAS.values():
         jsonschema.Draft202012Validator.check_schema(schema)
 
