@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from numpy.typing import ArrayLike
 
@@ -12,7 +13,7 @@ from postproc.jobs.inspect import Inspection
 from postproc.jobs.inspect import inspect as inspect_file
 from postproc.model import ModelFile, ToolPath
 from postproc.model import load_model as load_model_file
-from postproc.readers import holes_of
+from postproc.readers import HABITS, holes_of
 
 
 def load_model(path: Source) -> ModelFile:
@@ -96,50 +97,28 @@ def read(
 def inspect(
     path: Source,
     cell: Cell | Source | None = None,
-    *,
-    format: str | None = None,
-    dialect: str | None = None,
-    units: str | None = None,
-    columns: str | None = None,
-    cycle_words: str | None = None,
-    feed_units: str | None = None,
-    arc_sense: str | None = None,
-    head: str | None = None,
-    task: str | None = None,
-    accept_words: Sequence[str] | str = (),
-    recover: bool = False,
+    **reading: Any,  # noqa: ANN401 - as of ``read``
 ) -> Inspection:
     """Return what is in a CAM file, before any robot is involved.
 
     Args:
         path: the file.
         cell: its ``[import]`` fills what is left open; None: the file alone.
-        format: this and the rest as of ``read``.
-        dialect: APT dialect.
-        units: ``mm`` or ``inch`` where the file names none.
-        columns: columns of a CSV.
-        cycle_words: meaning of the numbers of a positional drill cycle.
-        feed_units: ``mm`` or ``inch`` per minute.
-        arc_sense: ``ccw`` or ``cw``.
-        head: rotary axes of a G-code head.
-        task: DELMIA task.
-        accept_words: words that are harmless.
-        recover: mend faults that have one possible meaning.
+        reading: how the file is read, as of ``read``.
 
     Returns:
         ``part``, ``document``, ``findings``, ``summary``.
 
     Raises:
         ReadError: if the file cannot be read as its format.
+        TypeError: for an option that is none.
         UsageError: if an option is wrong.
     """
-    options = {
-        "format": format, "dialect": dialect, "units": units, "columns": columns,
-        "cycle_words": cycle_words, "feed_units": feed_units, "arc_sense": arc_sense,
-        "head": head,
-        "task": task, "accept_words": accept_words, "recover": recover,
-    }  # fmt: skip
-    return inspect_file(str(path), options, None if cell is None else cell_of(cell))
+    options = {name: None for name in ("format", *HABITS)} | {"accept_words": (), "recover": False}
+    unknown = sorted(set(reading) - set(options))
+    if unknown:
+        raise TypeError(f"no option {unknown[0]!r}, known are {', '.join(options)}")
+    return inspect_file(str(path), options | reading, None if cell is None else cell_of(cell))
 
 
 def holes(

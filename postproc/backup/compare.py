@@ -8,9 +8,15 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.backup.arm import limits_of, match_arm
-from postproc.backup.compare_external import compare_external_axes
+from postproc.backup.compare_external import (
+    ANGLE_DEG,
+    LENGTH_MM,
+    SPEED,
+    Counted,
+    Difference,
+    compare_external_axes,
+)
 from postproc.backup.controller import Controller
-from postproc.backup.difference import ANGLE_DEG, LENGTH_MM, SPEED, Counted, Difference
 from postproc.backup.frames import BaseEntry, ToolEntry
 from postproc.cell import LENGTHS, Cell, HomeStyle, OpwGeometry, Tool, Workpiece
 from postproc.errors import Severity

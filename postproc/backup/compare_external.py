@@ -1,21 +1,52 @@
-"""Where the external axes of a cell and of a controller differ."""
+"""Numbers of a cell and a controller side by side, and where their external axes differ."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from postproc.backup.controller import Controller
-from postproc.backup.difference import ANGLE_DEG, LENGTH_MM, SPEED, Counted, Difference
 from postproc.backup.external import ExternalAxisEntry, ExternalKinematic
 from postproc.cell import Cell, ExternalAxis
 from postproc.errors import Severity
 from postproc.geometry import transform_from_kuka
+from postproc.records import dataclass
 from postproc.units import DEG, MM
 
+LENGTH_MM = 1e-3
+ANGLE_DEG = 1e-3
+SPEED = 1e-3
+"""Share of a speed."""
 _RANGE = 1e-3
 """mm of a rail, deg of a positioner."""
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """One number that differs: key of the cell, both values in units of the key, weight, words."""
+
+    key: str
+    at: tuple[str | int, ...]
+    cell: Any
+    controller: Any
+    severity: Severity
+    text: str
+
+
+@dataclass(slots=True)
+class Counted:
+    """How many numbers have been compared."""
+
+    numbers: int = 0
+
+    def differ(self, a: ArrayLike, b: ArrayLike, tolerance: float) -> bool:
+        """Return whether two equally long lists of numbers are apart."""
+        own, other = np.atleast_1d(np.asarray(a, float)), np.atleast_1d(np.asarray(b, float))
+        self.numbers += own.size
+        return not bool(np.abs(own - other).max() <= tolerance)
 
 
 def compare_external_axes(

@@ -2,19 +2,23 @@
 
 While a batch runs every result is appended to a journal; the manifest is written from both at the
 end (and at the start of a run that finds a journal left by one that was killed). Neither holds a
-time or a duration: the same inputs give the same manifest.
+time or a duration: the same inputs give the same manifest. One batch at a time holds the folder; a
+killed one leaves no lasting lock.
 """
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 import re
-from collections.abc import Mapping
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import field
 from pathlib import Path
 from typing import Any
+
+from filelock import FileLock, Timeout
 
 from postproc.batch.fingerprint import UNREADABLE, digest
 from postproc.batch.worker import JobResult
@@ -25,6 +29,7 @@ from postproc.records import dataclass
 SCHEMA = "postproc.manifest/1"
 NAME = "manifest.json"
 JOURNAL = ".postproc-journal"
+LOCK = ".postproc-lock"
 _OF_THE_RUN = re.compile(r"error (BAT\d+|IO00\d):")
 """Errors of what was around an input, not of the input."""
 _KEYS = {"status", "program", "tags", "cycle_time_s", "files", "errors", "fingerprint"}
@@ -64,7 +69,7 @@ class Manifest:
             return
         for line in path.read_bytes().split(b"\n"):
             # the last line of a killed run may be cut off: it never counted
-            with contextlib.suppress(ValueError, KeyError, TypeError):
+            with suppress(ValueError, KeyError, TypeError):
                 entry = json.loads(line)
                 if _is_entry(entry["entry"]):
                     self.entries[entry["key"]] = entry["entry"]
@@ -103,7 +108,7 @@ class Manifest:
 
     def _append(self, line: bytes) -> None:
         """Add a line to the journal; on a full disk none, then a killed run redoes this result."""
-        with contextlib.suppress(OSError), (self.folder / JOURNAL).open("ab", 0) as stream:
+        with suppress(OSError), (self.folder / JOURNAL).open("ab", 0) as stream:
             before = stream.tell()
             try:
                 if stream.write(line) == len(line):
@@ -165,3 +170,42 @@ def _is_entry(entry: Any) -> bool:  # noqa: ANN401 - whatever the file holds
     return isinstance(files, dict) and all(
         name not in {"", ".."} and Path(name).name == name for name in files
     )
+
+
+@contextmanager
+def folder_lock(folder: Path) -> Iterator[None]:
+    """Hold the folder for this process.
+
+    The lock is the system's own on an open file, so it ends with the process however that ends.
+
+    Raises:
+        DataError: BAT011 if another batch holds it (with its pid and start), BAT012 if the folder
+            cannot be written.
+    """
+    path = folder / LOCK
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = FileLock(path, blocking=False).acquire().lock
+    except Timeout:
+        raise DataError(
+            "BAT011", f"a batch already runs here: {_owner(path)}", SourceRef(str(folder))
+        ) from None
+    except OSError as problem:
+        raise DataError(
+            "BAT012", f"cannot be written: {problem.strerror}", SourceRef(str(folder))
+        ) from None
+    with suppress(OSError):  # some systems let nobody write a locked file
+        path.write_text(f"pid {os.getpid()}, since {time.strftime('%Y-%m-%d %H:%M:%S')}\n", "ascii")
+    try:
+        yield
+    finally:
+        with suppress(OSError):  # some systems keep a file that is open
+            path.unlink()
+        lock.release()
+
+
+def _owner(path: Path) -> str:
+    try:
+        return path.read_text(encoding="ascii").strip() or "another process"
+    except OSError:
+        return "another process"

@@ -16,8 +16,7 @@ from postproc.batch.expand import Caller, Work, caller_program, expand
 from postproc.batch.fingerprint import digest, fingerprint, forget
 from postproc.batch.jobs import Job, source_of, uniquely_named
 from postproc.batch.landing import Landing
-from postproc.batch.lock import folder_lock
-from postproc.batch.manifest import Manifest
+from postproc.batch.manifest import Manifest, folder_lock
 from postproc.batch.worker import JobResult
 from postproc.errors import PostprocError
 from postproc.records import dataclass

@@ -56,7 +56,7 @@ from postproc.process import (
     words_settled,
 )
 from postproc.progress import Clock, Progress
-from postproc.readers import ReadOptions, SurfaceNormals, read, read_pins
+from postproc.readers import ReadOptions, SurfaceNormals, filled, read, read_pins
 from postproc.records import dataclass
 from postproc.units import DEG, MM, N_PER_MM
 
@@ -236,15 +236,8 @@ def read_toolpath(request: ConvertRequest, cell: Cell) -> ToolPath:
     """
     habits = cell.reading
     options = ReadOptions(
-        units=request.units or habits.units,
-        dialect=request.dialect or habits.dialect,
-        columns=request.columns or habits.columns,
-        task=request.task or habits.task,
+        **filled(request, habits),
         recover=request.recover,
-        cycle_words=request.cycle_words or habits.cycle_words,
-        feed_units=request.feed_units or habits.feed_units,
-        arc_sense=request.arc_sense or habits.arc_sense,
-        head=request.head or habits.head,
         accept_words=(*habits.accept_words, *request.accept_words),
         tool_axis=tuple(float(v) for v in _known_axis(cell)),
         surface_normals=_surface_normals(cell),

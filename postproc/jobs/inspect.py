@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
+from types import SimpleNamespace
 from typing import Any
 
-from postproc.cell import Cell
+from postproc.cell import Cell, Reading
 from postproc.errors import Finding
 from postproc.model import ToolPath
 from postproc.process import looks, word_findings
-from postproc.readers import ReadOptions, read
+from postproc.readers import ReadOptions, filled, read
 from postproc.report.inspection import cell_tables, inspection, text_lines
 
 
@@ -51,10 +52,12 @@ def inspect(source: str, options: Mapping[str, Any], cell: Cell | None = None) -
         ReadError: if the file cannot be read as its format.
         UsageError: if an option is wrong.
     """
-    given = dict(options)
-    if cell is not None:
-        words = ReadOptions(accept_words=given["accept_words"]).accepted_words
-        given = {key: value or getattr(cell.reading, key, None) for key, value in given.items()}
-        given["accept_words"] = (*cell.reading.accept_words, *words)
-    form = given.pop("format") or "auto"
-    return Inspection(read(source, form, ReadOptions(points_only=True, **given)))
+    call, habits = SimpleNamespace(**options), Reading() if cell is None else cell.reading
+    words = ReadOptions(accept_words=call.accept_words).accepted_words
+    given = ReadOptions(
+        **filled(call, habits),
+        points_only=True,
+        recover=call.recover,
+        accept_words=(*habits.accept_words, *words),
+    )
+    return Inspection(read(source, call.format or habits.format, given))

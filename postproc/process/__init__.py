@@ -9,7 +9,6 @@ from postproc.process.claims import (
     tool_words,
     words_settled,
 )
-from postproc.process.coolant import COOLANTS, coolant_mode
 from postproc.process.feeds import (
     AXIS_SHARE,
     LOWERED_FROM,
@@ -20,7 +19,7 @@ from postproc.process.feeds import (
     least_feeds,
 )
 from postproc.process.loads import load_cases, operation_loads, weight_wrench
-from postproc.process.looks import SHALLOW, SMALL, looks, stands
+from postproc.process.looks import SHALLOW, SMALL, as_served, looks, stands
 from postproc.process.machining import machining_findings
 from postproc.process.material import (
     ALONG_AXIS,
@@ -36,11 +35,12 @@ from postproc.process.material import (
 )
 from postproc.process.order import hole_places, hole_runs, reordered
 from postproc.process.passing import may_be_passed, only, without_repeats
-from postproc.process.pointlist import as_served
 from postproc.process.repeats import apart, repeated_tags, repeats
 from postproc.process.spindle import (
+    COOLANTS,
     START_HINT,
     Stretch,
+    coolant_mode,
     driven,
     may_stand,
     start_findings,

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray, runs
+from postproc.cell import Cell, PointService
 from postproc.errors import Finding, Severity
 from postproc.model import BLEND_SHARE, CUTS, LEAST_BLEND, MotionKind, ToolPath
 from postproc.process.repeats import SAME_POINT
@@ -192,3 +194,21 @@ def _list(shown: Sequence[str], count: int) -> str:
 
 def _warning(code: str, text: str, toolpath: ToolPath, tags: IndexArray) -> Finding:
     return Finding(Severity.WARNING, code, text, int(tags[0]), toolpath.source(int(tags[0])))
+
+
+def as_served(toolpath: ToolPath, cell: Cell) -> ToolPath:
+    """Return the toolpath as a robot serves it: points to touch become holes without a cycle.
+
+    A list of points says nothing about the way between them. By ``[motion] points`` = ``touch``
+    each is approached along the tool axis and left the same way; ``path`` takes them as a line to
+    follow; ``auto`` follows where a feed is given, which only a cut has. Other formats say
+    themselves what is a cut: they come back unchanged.
+    """
+    choice = cell.motion.points
+    kind = np.asarray(toolpath.kind)
+    touch = kind == MotionKind.LINEAR
+    if choice is PointService.AUTO:
+        touch = touch & ~np.isfinite(toolpath.feed)
+    if toolpath.format != "csv" or choice is PointService.PATH or not touch.any():
+        return toolpath
+    return replace(toolpath, kind=np.where(touch, MotionKind.HOLE, kind).astype(np.int32))

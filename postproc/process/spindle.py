@@ -1,4 +1,4 @@
-"""The spindle as a CAM file drives it: when it turns, which way, and what switches it off.
+"""Spindle and coolant as a CAM file drives them: when, which way, and what switches them off.
 
 These are the rules; what a program does with the spindle is read from its text by ``verification``.
 """
@@ -18,6 +18,11 @@ from postproc.process.claims import claimed
 from postproc.records import dataclass
 from postproc.units import RPM
 
+COOLANTS = {
+    "ON": 1, "FLOOD": 1, "MIST": 2, "THRU": 3, "THROUGH": 3, "TAPKUL": 3, "HIGH": 3, "AIR": 4,
+    "TAP": 5, "CUSTOM1": 6, "CUSTOM2": 7, "CUSTOM3": 8,
+}  # fmt: skip
+"""A kind stands before ON: ``COOLNT/ON,MIST`` is mist."""
 _DEFAULT = "added: the file names no speed, the cell does"
 _ADDED = "added: the file leaves it on"
 _AGAIN = "added: the file does not stop it"
@@ -269,3 +274,10 @@ def may_stand(toolpath: ToolPath | None, cell: Cell) -> bool:
     if toolpath is None:
         return bool(_STANDING & {word.upper() for word in cell.reading.accept_words})
     return any(use.word in _STANDING and not use.refused for use in toolpath.word_uses)
+
+
+def coolant_mode(text: str) -> int:
+    """Return the number of the words behind COOLNT: that of the kind named, else flood."""
+    words = [word.strip() for word in text.upper().split(",")]
+    kinds = [COOLANTS[word] for word in words if word in COOLANTS and word != "ON"]
+    return kinds[0] if kinds else COOLANTS["ON"]

@@ -1,23 +1,27 @@
 """CAM files to ToolPath; one format per file, found by the registry."""
 
 from postproc.readers.base import (
+    HABITS,
     HEAD_BYTES,
     LENGTH_UNITS,
     READERS,
     Reader,
     ReadOptions,
     SurfaceNormals,
+    filled,
     read,
 )
 from postproc.readers.csv import holes_of, read_pins
 
 __all__ = [
+    "HABITS",
     "HEAD_BYTES",
     "LENGTH_UNITS",
     "READERS",
     "ReadOptions",
     "Reader",
     "SurfaceNormals",
+    "filled",
     "holes_of",
     "read",
     "read_pins",

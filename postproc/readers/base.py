@@ -10,27 +10,40 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 from postproc.arrays import FloatArray
+from postproc.cell import Reading
 from postproc.errors import Finding, PluginError, ReadError, Severity, SourceRef, UsageError
 from postproc.files import open_input, spooled
 from postproc.model import ToolPath
 from postproc.readers.text import check_text
 from postproc.records import dataclass
 from postproc.registry import Registry
-from postproc.units import SINGLE
+from postproc.units import MM, SINGLE
 
 LENGTH_UNITS = {name: SINGLE[name].factor for name in ("mm", "inch", "m")}
 """Metres per unit of length, by the names that ``--units`` takes."""
 ARC_SENSES = {"ccw": 1, "cw": -1}
 """About the written vector, by the names that ``--arc-sense`` takes."""
+FULL_CIRCLE_GAP = 1e-4 * MM
+"""Start and end of an arc closer than this are a full circle [m]."""
+RADIUS_GAP = 0.02 * MM
+"""How far [m] the radii of an arc at start, at end and as written may differ: rounding of files,"""
+_RELATIVE_GAP = 1e-4
+"""and more by this share of the radius."""
 CYCLE_WORDS = (
     "depth", "clearance", "retract", "peck", "peck_first", "dwell", "feed", "shift", "-",
 )  # fmt: skip
 """What a number of a positional drill cycle can mean."""
 CATIA_WORDS = ("depth", "clearance", "feed", "dwell")
 HEAD_BYTES = 1 << 16
+Numbers = TypeVar("Numbers", float, FloatArray)
+
+
+def radius_gap(radius: Numbers) -> Numbers:
+    """Return how far the radii of an arc may differ [m]."""
+    return RADIUS_GAP + _RELATIVE_GAP * radius
 
 
 class SurfaceNormals(Protocol):
@@ -117,6 +130,17 @@ class ReadOptions:
         """Words that the user knows to be harmless."""
         words = self.accept_words
         return tuple(words.split(",")) if isinstance(words, str) else words
+
+
+HABITS = (
+    "units", "dialect", "columns", "cycle_words", "feed_units", "arc_sense", "head", "task",
+)  # fmt: skip
+"""Options of a call that ``[import]`` of the cell fills where the call leaves them open."""
+
+
+def filled(request: object, habits: Reading) -> dict[str, Any]:
+    """Return the options of ``HABITS`` that a call has, those of its cell where it has none."""
+    return {name: getattr(request, name) or getattr(habits, name) for name in HABITS}
 
 
 @runtime_checkable

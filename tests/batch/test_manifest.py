@@ -7,8 +7,7 @@ import sys
 import pytest
 
 from postproc.batch.junit import junit_xml
-from postproc.batch.lock import folder_lock
-from postproc.batch.manifest import JOURNAL, NAME, Manifest
+from postproc.batch.manifest import JOURNAL, NAME, Manifest, folder_lock
 from postproc.batch.worker import JobResult
 from postproc.errors import DataError
 
@@ -129,7 +128,7 @@ def test_a_foreign_manifest_is_not_overwritten(tmp_path, text):
 
 def test_a_second_batch_is_refused_with_the_pid_of_the_first(tmp_path):
     code = (
-        "import sys; from pathlib import Path; from postproc.batch.lock import folder_lock\n"
+        "import sys; from pathlib import Path; from postproc.batch.manifest import folder_lock\n"
         "with folder_lock(Path(sys.argv[1])):\n print('held', flush=True); sys.stdin.read()"
     )
     first = subprocess.Popen(

@@ -12,15 +12,11 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray, IntArray, Table
 from postproc.geometry import angle_about
 from postproc.model import Arcs
+from postproc.readers.base import FULL_CIRCLE_GAP, RADIUS_GAP, radius_gap
 from postproc.readers.text import Faults
 from postproc.records import dataclass
 from postproc.units import MM
 
-FULL_CIRCLE_GAP = 1e-4 * MM
-"""Start and end closer than this are a full circle [m]."""
-RADIUS_GAP = 0.02 * MM
-"""How far [m] the radii at start, at end and as written may differ, plus 1e-4 of the radius."""
-_RELATIVE_GAP = 1e-4
 TURN = 2.0 * np.pi
 _SHORT = 0.25 * TURN
 """A shorter sweep [rad] goes where it meets its end better, however near the other way comes."""
@@ -122,7 +118,7 @@ def _closing(
     forth = np.linalg.norm(cosine * to_start + sine * across - to_end, axis=1)
     back = np.linalg.norm(cosine * to_start - sine * across - to_end, axis=1)
     back[~records.free] = np.inf
-    allowed = RADIUS_GAP + _RELATIVE_GAP * np.linalg.norm(to_end, axis=1)
+    allowed = radius_gap(np.linalg.norm(to_end, axis=1))
     bad = np.flatnonzero(np.minimum(forth, back) > allowed)
     if len(bad):
         i = int(bad[0])
@@ -187,7 +183,7 @@ def _checked_radius(
     """Return the radius at the end point; the start's and the written one must agree with it."""
     r_start = np.linalg.norm(to_start, axis=1)
     radius: FloatArray = np.linalg.norm(to_end, axis=1)
-    allowed = RADIUS_GAP + _RELATIVE_GAP * radius
+    allowed = radius_gap(radius)
     written = np.where(np.isnan(records.radius), radius, np.abs(records.radius))
     gap = np.maximum(np.abs(radius - r_start), np.abs(radius - written))
     bad = np.flatnonzero((gap > allowed) | (radius <= 0.0))

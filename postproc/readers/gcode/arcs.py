@@ -8,14 +8,11 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.geometry import angle_about
+from postproc.readers.base import FULL_CIRCLE_GAP, radius_gap
 from postproc.readers.text import Faults
 from postproc.records import dataclass
 from postproc.units import MM
 
-RADIUS_GAP = 0.02 * MM
-"""How far [m] the radii at start and end may differ, plus 1e-4 of the radius: rounding of files."""
-_RELATIVE_GAP = 1e-4
-_FULL_CIRCLE_GAP = 1e-4 * MM
 PLANES = {"G17": (0, 1, 2), "G18": (2, 0, 1), "G19": (1, 2, 0)}
 """First and second axis of a plane, and its normal: counterclockwise leads from first to second."""
 
@@ -62,10 +59,10 @@ def arc_of(words: ArcWords, start: FloatArray, end: FloatArray, faults: Faults) 
     to_start, to_end = start - centre, end - centre
     to_end[third] = 0.0
     radius, other = hypot(*to_start), hypot(*to_end)
-    if abs(radius - other) > RADIUS_GAP + _RELATIVE_GAP * radius or radius < _FULL_CIRCLE_GAP:
+    if abs(radius - other) > radius_gap(radius) or radius < FULL_CIRCLE_GAP:
         text = f"an arc of radius {radius / MM:.4f} mm at its start and {other / MM:.4f} at its end"
         raise faults.error("GCD011", text + ", expected one circle", words.line)
-    if hypot(*(to_end - to_start)) <= _FULL_CIRCLE_GAP:
+    if hypot(*(to_end - to_start)) <= FULL_CIRCLE_GAP:
         sweep = tau
     else:
         sweep = float(angle_about(normal[None], to_start[None], to_end[None])[0])
@@ -77,10 +74,10 @@ def _by_radius(words: ArcWords, start: FloatArray, end: FloatArray, faults: Faul
     first, second, _ = PLANES[words.plane]
     chord = np.array([end[first] - start[first], end[second] - start[second]])
     length = hypot(*chord)
-    if length <= _FULL_CIRCLE_GAP:
+    if length <= FULL_CIRCLE_GAP:
         raise faults.error("GCD011", "a full circle by its radius, expected its centre", words.line)
     rest = words.radius**2 - 0.25 * length**2
-    if rest < -(RADIUS_GAP + _RELATIVE_GAP * abs(words.radius)) * abs(words.radius):
+    if rest < -radius_gap(abs(words.radius)) * abs(words.radius):
         text = (
             f"an arc of radius {abs(words.radius) / MM:g} mm whose ends lie {length / MM:g} apart"
         )
