@@ -1,4 +1,4 @@
-"""Makes the pictures of the README: the page of a program and the page of a diagnosis.
+"""Makes the pictures of the README: pages of a program and of a diagnosis, the workbench.
 
     python -m tools.dev.make_pictures [FOLDER]
 
@@ -7,6 +7,9 @@ Needs an installed Chromium.
 
 from __future__ import annotations
 
+import json
+import signal
+import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -58,6 +61,29 @@ def pages(folder: Path) -> dict[str, Path]:
     return {"program_page": program, "diagnosis_page": folder / "gap" / "report.html"}
 
 
+def workbench(browser: Browser) -> bytes:
+    """Return a picture of the workbench while a spin is dragged."""
+    call = [sys.executable, "-m", "postproc", "ui", "cell.toml", "panel.csv"]
+    server = subprocess.Popen(
+        [*call, "--no-browser", "--json"], cwd=PANEL, stdout=subprocess.PIPE, text=True
+    )
+    if server.stdout is None:
+        raise SystemExit("the workbench says nothing")
+    try:
+        said = "".join(server.stdout.readline() for _ in range(4))
+        browser.size(1366, 1200)
+        browser.call("Page.navigate", url=json.loads(said)["address"])
+        browser.wait("window.ppBench && ppBench.state().mapped", 120)
+        x, y = browser.run("ppBench.place(50, 60)")
+        steps = (("mouseMoved", x, y + 40.0 - 5 * k) for k in range(9))
+        browser.mouse(("mousePressed", x, y + 60.0), *steps)
+        browser.run("new Promise(done => setTimeout(done, 1500))")
+        return browser.picture((0, 0, 1366, 1380))
+    finally:
+        server.send_signal(signal.SIGINT)
+        server.wait(20)
+
+
 def main(target: Path) -> None:
     """Write the pictures."""
     command = installed()
@@ -78,6 +104,7 @@ def main(target: Path) -> None:
                     raise SystemExit(f"{name}: {len(picture)} bytes are too many")
                 (target / f"{name}.png").write_bytes(picture)
                 print(f"{target / name}.png: {len(picture)} bytes")
+        (target / "workbench.png").write_bytes(workbench(browser))
     finally:
         browser.close()
 
