@@ -7,12 +7,21 @@ from pathlib import Path
 from typing import Any
 
 from postproc.cell import Cell
+from postproc.controller import load_program
 from postproc.files import write_files
 from postproc.jobs.paged import Paged
 from postproc.kinematics import build
-from postproc.model import ModelFile, save_model
+from postproc.model import ModelFile, ToolPath, save_model
 from postproc.progress import Progress
-from postproc.trace import PathDiagnosis, document, model_file, read_recording, summary
+from postproc.trace import (
+    PathDiagnosis,
+    document,
+    model_file,
+    of_program,
+    of_toolpath,
+    read_recording,
+    summary,
+)
 
 
 class PathJob(Paged):
@@ -61,6 +70,8 @@ def diagnose_trace(
     cell: Cell,
     model: ModelFile | None = None,
     progress: Progress | None = None,
+    program: str | Path | None = None,
+    toolpath: ToolPath | None = None,
 ) -> PathJob:
     """Return the diagnosis of a recorded path.
 
@@ -69,9 +80,18 @@ def diagnose_trace(
         cell: robot and tool.
         model: what is known already.
         progress: called with (done, total, what).
+        program: the KRL program that was run.
+        toolpath: the CAM file instead of it.
 
     Raises:
         DataError: if the file is wrong, or holds nothing beside the command (TRC006).
     """
     rows = read_recording(recording, progress)
-    return PathJob(PathDiagnosis(rows, cell, build(cell.robot), model, progress), model)
+    kinematics = build(cell.robot)
+    path = None
+    if program is not None:
+        modules = load_program(program, on_controller=True)
+        path = of_program(modules, cell, kinematics, cell.tool.T_flange_tcp[:3, 3])
+    elif toolpath is not None:
+        path = of_toolpath(toolpath, cell)
+    return PathJob(PathDiagnosis(rows, cell, kinematics, model, progress, path), model)

@@ -3,6 +3,7 @@
 from postproc.trace.answer import PathDiagnosis
 from postproc.trace.document import document, model_file, summary
 from postproc.trace.effect import PATH_EFFECTS
+from postproc.trace.program import of_program, of_toolpath
 from postproc.trace.reading import TRACES, read_recording
 from postproc.trace.recording import Recording
 
@@ -13,6 +14,8 @@ __all__ = [
     "Recording",
     "document",
     "model_file",
+    "of_program",
+    "of_toolpath",
     "read_recording",
     "summary",
 ]

@@ -14,9 +14,11 @@ from postproc.model import ModelFile
 from postproc.progress import Clock, Progress
 from postproc.records import dataclass
 from postproc.trace.contour import contour_error
-from postproc.trace.effect import JOINTS, LINK, PATH_EFFECTS, TOOL, WHOLE
-from postproc.trace.evidence import STRETCHES, WHOLE_RUNS, Verdict, judged, withheld
+from postproc.trace.effect import JOINTS, LINK, PATH_EFFECTS, PROGRAM, TOOL, WHOLE
+from postproc.trace.evidence import PROBABLE, STRETCHES, WHOLE_RUNS, Verdict, judged, withheld
 from postproc.trace.fit import values_of
+from postproc.trace.planner import Planned, feed, less_known, rounding
+from postproc.trace.program import Programmed, matched
 from postproc.trace.recording import Recording
 from postproc.trace.scene import Scene, Stage, carried
 from postproc.trace.signals import MEANS, means, white_sigma
@@ -54,6 +56,7 @@ class PathDiagnosis:
         recording: all rows; cell, kinematics: of its arm.
         model: what is known already; its effects are taken off before anything is judged.
         progress: told the stages.
+        program: the path that was programmed, None where it is not known.
     """
 
     def __init__(
@@ -63,6 +66,7 @@ class PathDiagnosis:
         kinematics: Kinematics,
         model: ModelFile | None = None,
         progress: Progress | None = None,
+        program: Programmed | None = None,
     ) -> None:
         self.recording = recording
         self.cell = cell
@@ -70,14 +74,23 @@ class PathDiagnosis:
         self.scene = Scene(recording, kinematics, self.tool)
         clock = Clock("kinematics", progress)
         self.stages = self._stages(kinematics)
-        if not self.stages:
+        if not self.stages and program is None:
             raise DataError(
                 "TRC006",
                 "nothing was measured beside the command, expected q1_act_deg ... or x_mm, y_mm,"
                 " z_mm",
                 SourceRef(recording.path),
             )
-        self.known = _known(self.stages, model)
+        self.known = _known(model)
+        self.match = None if program is None else matched(self.scene, program)
+        self.known_of_planner: tuple[str, ...] = ()
+        if self.match is not None and model is not None:
+            self.match, self.known_of_planner = less_known(self.scene, self.match, model)
+        self.planned: list[Planned] = []
+        if self.match is not None:
+            clock.begin("program")
+            asked = (rounding(self.scene, self.match), feed(self.scene, self.match))
+            self.planned = [p for p in asked if p is not None]
         self.stages = [
             Stage(s.name, s.scene, s.gap - sum(self._offset(s).values())) for s in self.stages
         ]
@@ -115,12 +128,18 @@ class PathDiagnosis:
     def gap(self) -> FloatArray:
         """(n, 3) [m] of the tool point: measured, else of the joints carried to it; less known."""
         pairs = zip(self.stages, self.verdicts, strict=True)
-        return np.asarray(sum(s.at_tool(_filled(s, v)) for s, v in pairs))
+        off = np.zeros_like(self.scene.points) if self.match is None else self.match.off
+        total: FloatArray = np.array(off)
+        for stage, verdict in pairs:
+            total = total + stage.at_tool(_filled(stage, verdict))
+        return total
 
     @cached_property
     def explained(self) -> dict[str, FloatArray]:
         """Value (n, 3) [m] of each adopted effect over all rows."""
-        found: dict[str, FloatArray] = {}
+        found: dict[str, FloatArray] = {
+            p.name: p.value for p in self.planned if p.is_place and p.name in self.adopted
+        }
         for stage, verdict in zip(self.stages, self.verdicts, strict=True):
             thetas = {n: verdict.fitted.thetas[n] for n in self.adopted if n in verdict.adopted}
             for name, value in values_of(stage, thetas).items():
@@ -141,7 +160,8 @@ class PathDiagnosis:
 
     @property
     def _named(self) -> set[str]:
-        return {name for verdict in self.verdicts for name in verdict.adopted}
+        likely = {p.name for p in self.planned if p.probability >= PROBABLE}
+        return likely | {name for verdict in self.verdicts for name in verdict.adopted}
 
     @staticmethod
     def _holds(proof: Proof) -> bool:
@@ -180,6 +200,10 @@ class PathDiagnosis:
 
     def _proofs(self) -> list[Proof]:
         proofs = []
+        for effect in self.planned:
+            block = (np.arange(len(self.scene.time)) * STRETCHES) // len(self.scene.time)
+            after = effect.scale - effect.withheld
+            proofs.append(_proof(effect.name, PROGRAM, effect.scale, after, block))
         for verdict in self.verdicts:
             proofs += self._proofs_of(verdict)
         return proofs
@@ -211,7 +235,12 @@ class PathDiagnosis:
     @cached_property
     def contour(self) -> FloatArray:
         """(n,) [m] distance of the tool point from the commanded path."""
-        return contour_error(self.scene, self.scene.points + self.gap)
+        actual = self.scene.points + self.gap
+        if self.match is not None:
+            # what the planner does is off the program, not off the command
+            off = np.linalg.norm(self.match.off, axis=1)
+            return np.maximum(contour_error(self.scene, actual - self.match.off), off)
+        return contour_error(self.scene, actual)
 
 
 def _filled(stage: Stage, verdict: Verdict) -> FloatArray:
@@ -227,7 +256,7 @@ def _weight(proof: Proof) -> float:
     return float(proof.before**2 - proof.after**2)
 
 
-def _known(stages: list[Stage], model: ModelFile | None) -> dict[str, FloatArray]:
+def _known(model: ModelFile | None) -> dict[str, FloatArray]:
     """Return the parameters of the effects that a model file has for paths."""
     known: dict[str, FloatArray] = {}
     for name, table in (model.effects if model is not None else {}).items():
@@ -235,7 +264,6 @@ def _known(stages: list[Stage], model: ModelFile | None) -> dict[str, FloatArray
             theta = PATH_EFFECTS.get(name).read(model, table)
             if theta is not None:
                 known[name] = theta
-    del stages
     return known
 
 

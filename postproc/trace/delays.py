@@ -6,7 +6,6 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.trace.scene import Stage
-from postproc.trace.signals import Course
 
 SHORT = 0.3e-3
 """A time constant [s] below this is none: no recording resolves it."""
@@ -38,27 +37,35 @@ def lagged(stage: Stage, joint: int, total: float, constant: float) -> FloatArra
         total: delay of slow motions [s].
         constant: the part of it that a first-order lag makes [s]; the rest is dead time.
     """
-    scene = stage.scene
-    value = np.empty(len(scene.time))
-    for whole, rows in zip(scene.courses, scene.stretches, strict=True):
-        time = scene.time[rows]
-        q = scene.reference[rows, joint]
-        if constant < SHORT:
-            late = whole.at(time - total)[:, joint]
-        else:
-            course = Course(time, q[:, None]).filtered(constant)
-            late = course.at(time - (total - constant))[:, 0]
-        value[rows] = late - q
-    return value
+    return with_slopes(stage, joint, total, constant, False)[0]
 
 
 def with_slopes(
-    stage: Stage, joint: int, total: float, constant: float
+    stage: Stage, joint: int, total: float, constant: float, sloped: bool = True
 ) -> tuple[FloatArray, FloatArray]:
-    """Return ``lagged`` (n,), and its change (n, 2) with the delay and the time constant."""
-    at = lagged(stage, joint, total, constant)
-    slopes = [
-        (lagged(stage, joint, total + _STEP, constant) - at) / _STEP,
-        (lagged(stage, joint, total, constant + _STEP) - at) / _STEP,
-    ]
-    return at, np.stack(slopes, axis=1)
+    """Return ``lagged`` (n,), and its change (n, k) with the delay and, if any, the time constant.
+
+    Args:
+        stage: whose reference is followed.
+        joint: 0..5.
+        total: delay of slow motions [s].
+        constant: as for ``lagged``; below ``SHORT`` none, then k = 1.
+        sloped: the change is asked for, else k = 0.
+    """
+    scene = stage.scene
+    filters = constant >= SHORT
+    value = np.empty(len(scene.time))
+    slopes = np.empty((len(scene.time), (1 + filters) * sloped))
+    for whole, rows in zip(scene.single[joint], scene.stretches, strict=True):
+        time = scene.time[rows]
+        q = scene.reference[rows, joint]
+        course = whole.filtered(constant) if filters else whole
+        dead = total - constant if filters else total
+        late = course.at(time - dead)[:, 0]
+        value[rows] = late - q
+        if sloped:
+            slopes[rows, 0] = -course.rate(time - dead)[:, 0]
+        if sloped and filters:
+            longer = whole.filtered(constant + _STEP)
+            slopes[rows, 1] = (longer.at(time - (dead - _STEP))[:, 0] - late) / _STEP
+    return value, slopes

@@ -11,13 +11,25 @@ from postproc.arrays import BoolArray, FloatArray
 from postproc.model import ModelFile
 from postproc.trace.answer import PathDiagnosis, Proof
 from postproc.trace.classes import unexplained
-from postproc.trace.effect import PATH_EFFECTS
+from postproc.trace.effect import PATH_EFFECTS, PROGRAM
 from postproc.trace.evidence import Verdict
 from postproc.trace.phases import NAMES
+from postproc.trace.planner import Planned
 from postproc.units import MM
 
 SCHEMA = "postproc.pathdiagnosis/1"
 WORST_LINES = 50
+PLANNER = {
+    "corner_rounding": (
+        "the planner cuts corners",
+        "lower the approximation at the lines that matter, or split them off",
+    ),
+    "feed_deviation": (
+        "lines are not run at the programmed feed",
+        "check override, planner time per block and axis speeds",
+    ),
+}
+"""Title and remedy of what the planner does."""
 
 
 def document(found: PathDiagnosis) -> dict[str, Any]:
@@ -47,7 +59,7 @@ def document(found: PathDiagnosis) -> dict[str, Any]:
         "residual": {"rms_mm": _mm(_rms(left)), "explained_share": _share(left, total)},
         "unexplained": unexplained(found),
         "not_testable": _not_testable(found),
-        "known": sorted(found.known),
+        "known": sorted({*found.known, *found.known_of_planner}),
         "remarks": list(found.recording.remarks),
     }
 
@@ -96,6 +108,9 @@ def _phases(
 
 def _lines(found: PathDiagnosis, size: FloatArray, contour: FloatArray) -> list[dict[str, Any]]:
     line = found.recording.line
+    if line is None and found.match is not None:
+        number = found.match.program.line
+        line = np.where(found.match.on, number[np.maximum(found.match.motion, 0)], -1)
     if line is None:
         return []
     numbers, place = np.unique(line, return_inverse=True)
@@ -119,8 +134,8 @@ def _lines(found: PathDiagnosis, size: FloatArray, contour: FloatArray) -> list[
 
 def _joints(found: PathDiagnosis) -> list[dict[str, Any]]:
     """Return the share of the gap that enters at each joint, as far as joints were recorded."""
-    first = found.stages[0]
-    if not first.in_joints:
+    first = found.stages[0] if found.stages else None
+    if first is None or not first.in_joints:
         return []
     J = found.scene.jacobian
     parts = [J[:, :, k] * first.gap[k][:, None] for k in range(len(first.gap))]
@@ -131,7 +146,8 @@ def _joints(found: PathDiagnosis) -> list[dict[str, Any]]:
 
 
 def _effects(found: PathDiagnosis) -> list[dict[str, Any]]:
-    rows = []
+    proven = {proof.name: proof for proof in found.proofs if proof.stage == PROGRAM}
+    rows = [_planned(found, effect, proven[effect.name]) for effect in found.planned]
     for verdict in found.verdicts:
         for proof in found.proofs:
             if proof.stage == verdict.stage.name:
@@ -148,6 +164,31 @@ def _effects(found: PathDiagnosis) -> list[dict[str, Any]]:
     return rows
 
 
+def _planned(found: PathDiagnosis, effect: Planned, proof: Proof) -> dict[str, Any]:
+    title, action = PLANNER[effect.name]
+    return {
+        "name": effect.name,
+        "stage": PROGRAM,
+        "probability": round(effect.probability, 6),
+        "adopted": effect.name in found.adopted,
+        **_shrunk(proof),
+        "judged_on": "corners not fitted" if effect.is_place else "lines at speed",
+        "parameters": effect.parameters,
+        "confounded_with": [],
+        "title": title,
+        "action": action,
+    }
+
+
+def _shrunk(proof: Proof) -> dict[str, Any]:
+    return {
+        "rms_before_mm": _mm(proof.before),
+        "rms_after_mm": _mm(proof.after),
+        "shrinkage": round(proof.shrinkage, 5),
+        "shrinkage_ci": [round(end, 5) for end in proof.interval],
+    }
+
+
 def _effect(found: PathDiagnosis, verdict: Verdict, proof: Proof) -> dict[str, Any]:
     name, stage = proof.name, verdict.stage
     fitted = verdict.fitted if name in verdict.adopted else verdict.with_each[name]
@@ -161,10 +202,7 @@ def _effect(found: PathDiagnosis, verdict: Verdict, proof: Proof) -> dict[str, A
         "stage": stage.name,
         "probability": round(verdict.probability[name], 6),
         "adopted": name in found.adopted and name in verdict.adopted,
-        "rms_before_mm": _mm(proof.before),
-        "rms_after_mm": _mm(proof.after),
-        "shrinkage": round(proof.shrinkage, 5),
-        "shrinkage_ci": [round(end, 5) for end in proof.interval],
+        **_shrunk(proof),
         "judged_on": found.withheld_on,
         "parameters": table,
         "confounded_with": list(twins),
@@ -178,9 +216,11 @@ def _not_testable(found: PathDiagnosis) -> list[dict[str, Any]]:
     needs = {
         "joints": ["q1_act_deg ... q6_act_deg"],
         "tool": ["x_mm", "y_mm", "z_mm"],
-        "program": ["--program"],
+        "program": ["--program or --against"],
     }
-    rows = []
+    rows: list[dict[str, Any]] = []
+    if found.match is None:
+        rows = [{"name": name, "needs": needs["program"]} for name in sorted(PLANNER)]
     for name, effect in PATH_EFFECTS:
         if not have & set(effect.stages):
             first = next((s for s in effect.stages if s in needs), "tool")
@@ -193,7 +233,8 @@ def model_file(found: PathDiagnosis, given: ModelFile | None) -> ModelFile:
     effects = dict(given.effects) if given is not None else {}
     for row in reversed(_effects(found)):
         if row["adopted"]:
-            keys = PATH_EFFECTS.get(row["name"]).keys
+            name = row["name"]
+            keys = row["parameters"] if name in PLANNER else PATH_EFFECTS.get(name).keys
             table = {k: v for k, v in row["parameters"].items() if k in keys}
             effects[row["name"]] = {k: _without_none(v) for k, v in table.items()}
     registration = given.registration if given is not None else None

@@ -19,8 +19,9 @@ from postproc.records import dataclass
 from postproc.registry import Registry
 from postproc.trace.scene import Piece, Stage
 
-JOINTS, LINK, TOOL, WHOLE = "joints", "link", "tool", "whole"
-"""Command to motor, motor to link, motor to tool; command to tool where no motor was recorded."""
+PROGRAM, JOINTS, LINK, TOOL, WHOLE = "program", "joints", "link", "tool", "whole"
+"""Program to command, command to motor, motor to link, motor to tool; command to tool where
+no motor was recorded."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

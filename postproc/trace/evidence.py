@@ -30,7 +30,7 @@ PROBABLE = 0.9
 """Probability from which an effect is adopted."""
 MATTERS = 0.25
 """Least size of an effect where it acts, against the noise of one row: less moves no figure."""
-FOLDS = 5
+FOLDS = 3
 WHOLE_RUNS = 3
 """Runs from which whole ones are withheld."""
 STRETCHES = 30
@@ -96,7 +96,7 @@ def judged(stage: Stage) -> Verdict:
                 key = frozenset(members)
                 if key not in fits:
                     start = {name: full.thetas[name] for name in members}
-                    fits[key] = full if size == len(names) else fit(part, start, sigma)
+                    fits[key] = full if size == len(names) else fit(part, start, sigma, steps=3)
     weights = _weights(fits, sigma, worth)
     tried = sorted(set().union(*fits))
     probability = {

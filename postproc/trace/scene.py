@@ -56,6 +56,15 @@ class Scene:
         return [Course(self.time[rows], self.reference[rows]) for rows in self.stretches]
 
     @cached_property
+    def single(self) -> list[list[Course]]:
+        """The reference of each joint in each stretch."""
+        parts = self.stretches
+        return [
+            [Course(self.time[rows], self.reference[rows, joint, None]) for rows in parts]
+            for joint in range(6)
+        ]
+
+    @cached_property
     def speed(self) -> FloatArray:
         """(n, 6) of the reference [rad/s]."""
         pairs = zip(self.courses, self.stretches, strict=True)

@@ -63,7 +63,12 @@ Examples:
 @click.option(
     "--trials", type=click.IntRange(1, 100), default=1, help="Arms of each effect and size. [1]"
 )
-@click.option("--program", metavar="INPUT", help="CAM file: tell where along it the gap lies.")
+@click.option(
+    "--program",
+    metavar="INPUT",
+    help="CAM file: tell where along it the gap lies; with --trace the KRL program that was run.",
+)
+@click.option("--against", metavar="INPUT", help="With --trace: the CAM file that was run.")
 @reading_options
 @click.option("--tol-mm", type=POSITIVE, help="Exit 1 if the gap (rms) is larger than this.")
 @click.option(
@@ -94,6 +99,8 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     if bool(options["measurements"]) == bool(options["trace"]):
         text = "expected MEAS.csv, or --trace LOG.csv"
         raise click.UsageError(text)
+    if options["against"] and not options["trace"]:
+        raise click.UsageError("--against goes with --trace")
     if options["trace"]:
         return _trace(session, options)
     if options["output"]:
@@ -134,8 +141,11 @@ def _trace(session: Session, options: dict[str, Any]) -> int:
             raise click.UsageError(f"--{name.replace('_', '-')} does not go with --trace")
     cell = load_cell(options["cell"]).for_tool(options["tool"])
     model = load_model(options["model"]) if options["model"] else None
+    if options["program"] and options["against"]:
+        raise click.UsageError("--program or --against, not both")
+    toolpath = read_cam(options["against"], options, cell) if options["against"] else None
     with session.progress() as progress:
-        job = diagnose_trace(options["trace"], cell, model, progress)
+        job = diagnose_trace(options["trace"], cell, model, progress, options["program"], toolpath)
     if options["output"]:
         job.write(options["output"])
     session.document(job.document)

@@ -25,6 +25,8 @@ TELLS = 0.005 * DEG
 _HALF, _SPIKE, _USED = slice(0, 6), slice(6, 12), slice(12, 24)
 _COURSE, _SHIFT = 24, 25
 _SAME = 1e-9
+_USUAL = 1
+"""The course by which the delay is found: a decay in 50 ms."""
 
 
 @register
@@ -47,18 +49,24 @@ class ReversalError(PathEffect):
         if not any(turned):
             return None
         best, found = np.inf, None
-        for shift in SHIFTS if stage.in_joints else SHIFTS[:1]:
-            for course in range(len(COURSES)):
+        stretches = scene.stretches
+        worth = [memory(row, stretches) if stage.in_joints else 1.0 for row in rest]
+        shift = 0.0
+        for tried in ([(s, _USUAL) for s in SHIFTS], [(None, c) for c in range(len(COURSES))]):
+            for other, number in tried if stage.in_joints else tried[:1]:
                 theta = np.zeros(_SHIFT + 1)
-                theta[_USED], theta[_COURSE], theta[_SHIFT] = 1.0, course, shift
-                cost, used = self._regression(stage, theta, rest, sigma)
+                theta[_USED], theta[_COURSE] = 1.0, number
+                theta[_SHIFT] = shift if other is None else other
+                cost, used = self._regression(stage, theta, rest, worth)
                 theta[_USED] = used
                 if cost < best and used.any():
                     best, found = cost, theta
+            shift = shift if found is None else float(found[_SHIFT])
+        del sigma
         return found
 
     def _regression(
-        self, stage: Stage, theta: FloatArray, rest: FloatArray, sigma: FloatArray
+        self, stage: Stage, theta: FloatArray, rest: FloatArray, worth: list[float]
     ) -> tuple[float, FloatArray]:
         """Return the cost of a course, and which of the twelve (12,) pay for themselves."""
         pieces = self.part(stage, theta).pieces
@@ -67,8 +75,7 @@ class ReversalError(PathEffect):
             mine = [p for p in pieces if p.output == output]
             good = np.isfinite(row)
             y = row[good] - row[good].mean()
-            worth = memory(np.nan_to_num(row), stage.scene.stretches) if stage.in_joints else 1.0
-            count = max(2.0, good.sum() / worth)
+            count = max(2.0, good.sum() / worth[output])
             options: list[tuple[float, tuple[int, ...]]] = [
                 (count * np.log(max(float(y @ y), 1e-30)), ())
             ]
@@ -85,7 +92,6 @@ class ReversalError(PathEffect):
             best = min(options)
             cost += best[0]
             used[list(best[1])] = 1.0
-        del sigma
         return cost, used
 
     def part(self, stage: Stage, theta: FloatArray, tangent: bool = True) -> Part:

@@ -77,8 +77,8 @@ class ServoLag(PathEffect):
                 joints[:, joint] = lagged(stage, joint, total, constant)
                 continue
             joints[:, joint], slopes = with_slopes(stage, joint, total, constant)
-            free = (joint, 6 + joint) if constant >= SHORT else (joint,)
-            pieces += stage.lift(joint, free, slopes[:, : len(free)])
+            free = (joint, 6 + joint)[: slopes.shape[1]]
+            pieces += stage.lift(joint, free, slopes)
         return Part(stage.lifted(joints), pieces)
 
     def widths(self, theta: FloatArray) -> FloatArray:

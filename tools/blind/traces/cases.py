@@ -76,9 +76,10 @@ def write_case(folder: Path, seed: int, kind: str | None = None) -> dict[str, An
         truth = m.truth
         rows.append(_recorded(m, robot, recorder, rng, run + 1, tracked))
     _write(folder / "log.csv", np.concatenate(rows), tracked)
-    (folder / "program.src").write_text(_program(way, robot, start), encoding="utf-8")
+    factor = float(rng.uniform(0.6, 0.97)) if rng.random() < 0.25 else 1.0
+    (folder / "program.src").write_text(program_text(way, robot, start, factor), encoding="utf-8")
     told = {"seed": seed, "kind": kind, "effects": truth, "tracked": tracked, "runs": runs}
-    told |= {"cycle": recorder.cycle, "cdis_mm": 1e3 * way.cdis, "form": way.form}
+    told |= {"cycle": recorder.cycle, "cdis_mm": 1e3 * way.cdis, "form": way.form, "factor": factor}
     (folder / "truth.json").write_text(json.dumps(told, indent=1), encoding="utf-8")
     return told
 
@@ -145,7 +146,8 @@ def _write(path: Path, table: Array, tracked: bool) -> None:
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def _program(way: Way, robot: RobotClass, start: Array) -> str:
+def program_text(way: Way, robot: RobotClass, start: Array, factor: float) -> str:
+    """Return the KRL program of a path, run at ``factor`` of the feed that it asks for."""
     R = fk(robot.arm, robot.tool, start[None])[1][0]
     a = np.arctan2(R[1, 0], R[0, 0])
     b = np.arctan2(-R[2, 0], np.hypot(R[0, 0], R[1, 0]))
@@ -157,7 +159,7 @@ def _program(way: Way, robot: RobotClass, start: Array) -> str:
         "DEF program()",
         "$TOOL = {X 0, Y 0, Z 0, A 0, B 0, C 0}".replace("X 0, Y 0, Z 0", tool),
         "$BASE = $NULLFRAME",
-        f"$VEL.CP = {way.feed:.5f}",
+        f"$VEL.CP = {way.feed / factor:.5f}",
         f"$APO.CDIS = {1e3 * way.cdis:.3f}",
         f"PTP {{{axes}}}",
     ]

@@ -15,6 +15,8 @@ from postproc.cell import load_cell
 from postproc.jobs.diagnose_trace import diagnose_trace
 from tools.blind.traces.cases import write_case
 
+RATIOS = (("feed_deviation", "factor", "factor"), ("corner_rounding", "cdis_mm", "cdis"))
+
 
 def marked(truth: dict[str, Any], told: dict[str, Any]) -> dict[str, Any]:
     """Return what is right and wrong in one answer."""
@@ -47,9 +49,18 @@ def _numbers(name: str, real: dict[str, Any], got: dict[str, Any]) -> dict[str, 
     if name == "servo_lag":
         pairs = zip(got["delay_ms"], real["delay_ms"], strict=True)
         return {"delay_ms": [a - b for a, b in pairs if a is not None]}
-    if name == "corner_rounding":
-        return {"cdis": got["cdis_mm"] / real["cdis_mm"] - 1.0}
+    for effect, key, short in RATIOS:
+        if name == effect:
+            return {short: got[key] / real[key] - 1.0}
     return {}
+
+
+def _planner_too(truth: dict[str, Any]) -> None:
+    """Add to the truth what can be seen beside the program."""
+    if truth["cdis_mm"] > 0.0:
+        truth["effects"]["corner_rounding"] = {"cdis_mm": truth["cdis_mm"]}
+    if truth["factor"] != 1.0:
+        truth["effects"]["feed_deviation"] = {"factor": truth["factor"]}
 
 
 def main() -> None:
@@ -58,14 +69,18 @@ def main() -> None:
     parser.add_argument("--cases", type=int, default=20)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--kind")
+    parser.add_argument("--program", action="store_true")
     parser.add_argument("-v", action="store_true")
     options = parser.parse_args()
     total: dict[str, list[Any]] = defaultdict(list)
     for seed in range(options.seed, options.seed + options.cases):
         with tempfile.TemporaryDirectory() as folder:
             truth = write_case(Path(folder), seed, options.kind)
+            program = Path(folder) / "program.src" if options.program else None
+            if program is not None:
+                _planner_too(truth)
             cell = load_cell(Path(folder) / "cell.toml")
-            told = diagnose_trace(Path(folder) / "log.csv", cell).document
+            told = diagnose_trace(Path(folder) / "log.csv", cell, program=program).document
         mark = marked(truth, told)
         what = {k: v for k, v in mark.items() if v not in ([], None)}
         if options.v:
@@ -78,14 +93,14 @@ def main() -> None:
 
 def _table(total: dict[str, list[Any]]) -> None:
     for key, values in sorted(total.items()):
-        if key in ("hz", "clock_ms", "delay_ms", "cdis"):
+        if key in ("hz", "clock_ms", "delay_ms", "cdis", "factor"):
             size = np.abs(values)
             print(
                 key,
                 f"n={len(size)}",
                 *(f"{q:.0%}: {np.quantile(size, q):.3f}" for q in (0.5, 0.9, 1)),
             )
-            limit = {"hz": 0.5, "cdis": 0.15}.get(key, 1.0)
+            limit = {"hz": 0.5, "cdis": 0.15, "factor": 0.02}.get(key, 1.0)
             print("   within", limit, f"{np.mean(size <= limit):.1%}")
         elif key == "top":
             print("top right", f"{np.mean(values):.1%} of {len(values)}")
