@@ -239,7 +239,8 @@ class PathDiagnosis:
         if self.match is not None:
             # what the planner does is off the program, not off the command
             off = np.linalg.norm(self.match.off, axis=1)
-            return np.maximum(contour_error(self.scene, actual - self.match.off), off)
+            from_command = contour_error(self.scene, actual - self.match.off)
+            return np.asarray(np.maximum(from_command, off))
         return contour_error(self.scene, actual)
 
 

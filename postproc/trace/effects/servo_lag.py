@@ -14,8 +14,9 @@ from postproc.trace.effect import JOINTS, WHOLE, Part, PathEffect, moving, regis
 from postproc.trace.scene import Piece, Stage
 from postproc.units import DEG, MS
 
-FAST = 1.0 * DEG
-"""A joint that stays slower [rad/s] tells no time of its own."""
+FAST = 0.05 * DEG
+"""A joint that stays slower [rad/s] stands: what is faster is behind, whether its time can be told or
+not, and would else be taken for a reversal error."""
 TELLS = 1.0 * MS
 """A delay that is less sure [s] is not told."""
 LONGEST = 0.2
