@@ -15,8 +15,8 @@ from postproc.trace.scene import Piece, Stage
 from postproc.units import DEG, MS
 
 FAST = 0.05 * DEG
-"""A joint that stays slower [rad/s] stands: what is faster is behind, whether its time can be told or
-not, and would else be taken for a reversal error."""
+"""A joint that stays slower [rad/s] stands: what is faster is behind, whether its time can be told
+or not, and would else be taken for a reversal error."""
 TELLS = 1.0 * MS
 """A delay that is less sure [s] is not told."""
 LONGEST = 0.2
