@@ -35,11 +35,14 @@ def fingerprint(job: Job) -> dict[str, str]:
     An unreadable input or cell gets the hash ``-``: the job then runs and says what is wrong.
     """
     request = job.request
-    options = {k: v for k, v in asdict(request).items() if k not in {"source", "cell", "model"}}
+    options = {
+        k: v for k, v in asdict(request).items() if k not in {"source", "cell", "model", "keep"}
+    }
     return {
         "input": _file(request.source) if job.toolpath is None else content_hash(job.toolpath),
         "cell": _cell(request.cell),
         "model": _file(request.model) if request.model else "",
+        **({"keep": _old(request.keep)} if request.keep else {}),
         "options": digest(json.dumps(options, sort_keys=True).encode()),
         "version": "; ".join((__version__, *foreign())),
     }
@@ -83,6 +86,16 @@ def _file(path: str) -> str:
         return UNREADABLE
 
 
+@lru_cache(maxsize=4)
+def _old(path: str) -> str:
+    from postproc.jobs.kept import digest_of
+
+    try:
+        return digest_of(path)
+    except (OSError, PostprocError):
+        return UNREADABLE
+
+
 @lru_cache(maxsize=64)
 def _cell(path: str) -> str:
     from postproc.cell import cell_files, shared_cell
@@ -98,3 +111,4 @@ def forget() -> None:
     """Forget cached hashes (files may have changed since)."""
     _file.cache_clear()
     _cell.cache_clear()
+    _old.cache_clear()

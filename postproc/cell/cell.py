@@ -281,7 +281,8 @@ class Optimize:
     """What the redundancy about the tool axis is used for.
 
     ``step`` and ``range`` [rad] of the spin; ``turns``: also angles a whole turn away; ``refine``:
-    leave the grid of spins for multiples of ``spin_round`` [rad], 0 for any. ``smooth`` makes a key
+    leave the grid of spins for multiples of ``spin_round`` [rad], 0 for any; a pose of
+    an old program is kept that loses no more than the share ``keep_loss``. ``smooth`` makes a key
     tag every ``key_every`` [m], at corners above ``key_corner`` [rad], or at ``key_tags``, and more
     where more than the share ``loss_bound`` of the stiffness is lost. ``free_order``: holes in any
     order. ``pins``: tag id to spin [rad].
@@ -296,6 +297,7 @@ class Optimize:
     turns: bool
     refine: bool
     spin_round: float
+    keep_loss: float
     key_every: float
     key_corner: float
     key_tags: tuple[str, ...]

@@ -42,6 +42,7 @@ def optimize_of(table: OptimizeTable) -> Optimize:
         turns=table.turns,
         refine=table.refine,
         spin_round=table.spin_round_deg * DEG,
+        keep_loss=table.keep_loss_percent * PERCENT,
         key_every=table.key_every_mm * MM,
         key_corner=table.key_corner_deg * DEG,
         key_tags=tuple(str(tag) for tag in table.key_tags),

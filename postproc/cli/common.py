@@ -261,6 +261,11 @@ def reading_options(function: Callable[P, R]) -> Callable[P, R]:
     return function
 
 
+KEEP = (
+    "Keep the poses of this program (or folder, or manifest) that are still good and lose little."
+)
+
+
 def emitter_option(function: Callable[P, R]) -> Callable[P, R]:
     """Add the option that names what writes programs."""
     return click.option(

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -35,6 +35,7 @@ from postproc.jobs.solid_doubts import place_findings, size_findings
 from postproc.jobs.trade import Outcome, lost_percent, outcomes
 from postproc.jobs.unit_doubts import check_units
 from postproc.kinematics import build
+from postproc.krl import legal_name
 from postproc.model import ModelFile, Plan, ToolPath, load_model
 from postproc.planning import PlanOptions, grade_counts, near_solids, settle, tag_clearances
 from postproc.planning import plan as plan_toolpath
@@ -59,6 +60,9 @@ from postproc.progress import Clock, Progress
 from postproc.readers import ReadOptions, SurfaceNormals, filled, read, read_pins
 from postproc.records import dataclass
 from postproc.units import DEG, MM, N_PER_MM
+
+if TYPE_CHECKING:
+    from postproc.jobs.kept import Kept
 
 NEAR_SURFACE = 1.0 * MM
 """Up to this distance [m] the workpiece's normal is one to hold that of a hole against."""
@@ -101,6 +105,8 @@ class ConvertRequest:
     preset: str | None = None
     model: str | None = None
     pins: str | None = None
+    keep: str | None = None
+    """A program, folder or manifest, of which poses are kept where that costs little."""
     partial: bool = False
     cam_lines: bool = True
     """False: the program names no CAM lines, which move with every line added elsewhere."""
@@ -120,8 +126,8 @@ class Conversion:
 
     ``cell``: with the emitter, the strategy and the objective of the call, and what a model knows
     of the arm. ``read``: what the program text says, None where none was written. ``trade``: what
-    each preset would make of it, where that was asked. ``causes``: why tags fail, and
-    what cures it.
+    each preset would make of it, where that was asked. ``causes``: why tags fail, and what cures
+    it. ``kept``: how much of an old program, where that was asked.
     """
 
     cell: Cell
@@ -134,6 +140,7 @@ class Conversion:
     read: ReadBack | None = None
     trade: tuple[Outcome, ...] = ()
     causes: tuple[Cause, ...] = ()
+    kept: Kept | None = None
 
     @property
     def good(self) -> bool:
@@ -193,10 +200,11 @@ def convert(
         *restart_notes(toolpath, cell),
     )
     clock.begin("plan")
+    kept: Kept | None = None
     if any(finding.is_error for finding in words):
         plan = Plan.nothing(toolpath, request.name or toolpath.name, words)
     else:
-        plan = make_plan(toolpath, cell, request, progress, model)
+        plan, kept = _planned(toolpath, cell, request, progress, model)
         plan = replace(plan, findings=(*words, *plan.findings))
     clock.begin("emit")
     program, findings, read = _emit_checked(plan, cell, request, clock, model)
@@ -207,7 +215,8 @@ def convert(
             plan, cell, lambda here: make_plan(toolpath, here, request, progress, model)
         )
     files, name = program.files, program.name
-    return Conversion(cell, toolpath, plan, files, name, findings, clock.total(), read, trade)
+    times = clock.total()
+    return Conversion(cell, toolpath, plan, files, name, findings, times, read, trade, kept=kept)
 
 
 def explained(conversion: Conversion, request: ConvertRequest) -> Conversion:
@@ -219,7 +228,7 @@ def explained(conversion: Conversion, request: ConvertRequest) -> Conversion:
     """
     if conversion.good or request.model:
         return conversion
-    again = replace(request, pins=None, trade=False, partial=False)
+    again = replace(request, pins=None, keep=None, trade=False, partial=False)
 
     def is_good(cell: Cell) -> bool:
         return convert(again, None, conversion.toolpath, cell).good
@@ -315,6 +324,28 @@ def _outward(toolpath: ToolPath, cell: Cell) -> FloatArray | None:
     return normals
 
 
+def _planned(
+    toolpath: ToolPath,
+    cell: Cell,
+    request: ConvertRequest,
+    progress: Progress | None,
+    model: ModelFile | None,
+) -> tuple[Plan, Kept | None]:
+    """Return the plan, and what it keeps of an old program, where one is given."""
+
+    def make(path: ToolPath) -> Plan:
+        return make_plan(path, cell, request, progress, model)
+
+    if request.keep is None:
+        return make(toolpath), None
+    from postproc.jobs.kept import old_program, plan_kept, poses_of
+
+    name = legal_name(request.name or toolpath.name)
+    program = old_program(request.keep, name)
+    old = None if program is None else poses_of(program, cell)
+    return plan_kept(toolpath, cell, old, make)
+
+
 def make_plan(
     toolpath: ToolPath,
     cell: Cell,
@@ -405,6 +436,7 @@ def document(conversion: Conversion) -> dict[str, Any]:
         "grades": grade_counts(plan, conversion.cell),
         "clearance": smallest_clearance(conversion),
         "stiffness": _stiffness(conversion),
+        **({} if conversion.kept is None else {"kept": conversion.kept.to_dict()}),
         "trade": [outcome.to_dict() for outcome in conversion.trade],
         "compensation": _compensation(conversion),
         "cycle_time_s": round(plan.cycle_time, 3),

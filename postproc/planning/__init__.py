@@ -29,6 +29,7 @@ from postproc.planning.planner import plan
 from postproc.planning.route import cell_at
 from postproc.planning.search import arc_length
 from postproc.planning.states import (
+    HELD,
     OBJECTIVES,
     Objective,
     PlanOptions,
@@ -42,6 +43,7 @@ from postproc.planning.stretches import free_posture
 
 __all__ = [
     "CLOSE",
+    "HELD",
     "INDICES",
     "NEAR",
     "OBJECTIVES",

@@ -243,6 +243,7 @@ OPERATIONS = {
         {"name": "ROUGH", "force_N": [-500.0, 0.0, 0.0], "moment_Nm": [0.0, 0.0, 0.0]}
     ]
 }
+KEEP = {"keep": "old.src"}
 CASES: dict[str, tuple[Any, ...]] = {
     "schema": ({}, {"schema": "postproc.cell/2"}),
     "name": ({}, {"name": "other"}, CHECK),
@@ -338,6 +339,7 @@ CASES: dict[str, tuple[Any, ...]] = {
     "optimize.turns": ({"optimize.objective": {"travel": 1.0}}, {"optimize.turns": False}),
     "optimize.refine": ({}, {"optimize.refine": False}),
     "optimize.spin_round_deg": ({}, {"optimize.spin_round_deg": 7.0}),
+    "optimize.keep_loss_percent": ({}, {"optimize.keep_loss_percent": 50.0}, HOLES, KEEP),
     "optimize.key_every_mm": (SMOOTH, {"optimize.key_every_mm": 1e4}, LINE),
     "optimize.key_corner_deg": (
         {**SMOOTH, "optimize.key_every_mm": 1e4},
@@ -523,6 +525,10 @@ def folder(tmp_path_factory):
     (place / "tuned").mkdir()
     (place / "tuned" / "motion_speeds.j2").write_text(TUNED)
     (place / "own" / "main_head.j2").write_text('{{ points }}\n{% include "ini.j2" %}\n')
+    (place / "turned.toml").write_text(cell_text({"optimize.range_deg": [-40.0, -30.0]}))
+    made = convert(ConvertRequest(str(place / HOLES), str(place / "turned.toml"), name="old"))
+    for name, content in made.files.items():
+        (place / name).write_bytes(content)
     return place
 
 
@@ -534,7 +540,7 @@ def outcome(folder):
     def run(text: str, source: str, more: tuple[tuple[str, Any], ...]) -> str:
         path = folder / "cell.toml"
         path.write_text(text)
-        options = {k: str(folder / v) if k == "model" else v for k, v in more}
+        options = {k: str(folder / v) if k in ("model", "keep") else v for k, v in more}
         if source == CHECK:
             seen = check_cell(load_cell(path))
             facts = [seen.facts["name"], seen.facts["robot"]]
@@ -623,6 +629,7 @@ CALLS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "objective": ({}, {"--objective": "radial"}),
     "model": ({}, {"--model": "model.toml"}),
     "pins": ({}, {"--pins": "pins.csv"}),
+    "keep": ({"--cell": "loose.toml"}, {"--keep": "old.src"}),
     "partial": ({"source": "far.csv"}, {"--partial": None}),
     "report": ({}, {"--report": "page.html"}),
     "spin_maps": ({}, {"--spin-map": "map.csv"}),
@@ -642,7 +649,8 @@ def called(folder, tmp_path, monkeypatch, capsys):
     (folder / "pins.csv").write_text("tag,spin_deg\nH3,-12\n")
     (folder / "bent.apt").write_text(BENT)
     (folder / "far.csv").write_text("x,y,z,i,j,k,depth\n0,0,0,0,0,1,5\n9000,0,0,0,0,1,5\n")
-    inputs = ("source", "--cell", "--model", "--pins")
+    (folder / "loose.toml").write_text(cell_text({"optimize.keep_loss_percent": 50.0}))
+    inputs = ("source", "--cell", "--model", "--pins", "--keep")
 
     def call(number, parts):
         place = tmp_path / str(number)

@@ -78,6 +78,11 @@ class OptimizeTable(Table):
         default=1.0,
         description="holes and key tags take spins that are multiples of this; 0: any [deg]",
     )
+    keep_loss_percent: Annotated[float, Field(ge=0.0, le=50.0)] = Field(
+        default=2.0,
+        description="--keep: a pose of the old program stays that loses no more stiffness than "
+        "this against a free plan, of cells without stiffness the cycle no more time [%]",
+    )
     key_every_mm: Positive = Field(
         default=100.0, description="smooth: a key tag at least every so many mm of path"
     )

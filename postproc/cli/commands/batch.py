@@ -9,6 +9,7 @@ import click
 
 from postproc.cli import completion
 from postproc.cli.common import (
+    KEEP,
     NumberRange,
     Session,
     answer,
@@ -52,6 +53,7 @@ Examples:
     "--preset", type=click.Choice(["stiffest", "balanced", "fastest"]), help="As of convert."
 )
 @click.option("--model", metavar="MODEL.toml", help="Compensate what this model predicts.")
+@click.option("--keep", metavar="OLD", help=KEEP)
 @click.option("--timeout", type=NumberRange(min=0.1), help="Seconds per input.")
 @click.option("--memory", type=NumberRange(min=0.5), help="GiB per worker.")
 @click.option("--force", is_flag=True, help="Redo everything.")
@@ -78,6 +80,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         objective=options["objective"],
         preset=options["preset"],
         model=options["model"],
+        keep=options["keep"],
     )
     limits = BatchOptions(
         workers=options["jobs"],

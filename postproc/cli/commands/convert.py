@@ -9,6 +9,7 @@ import click
 
 from postproc.cli import completion
 from postproc.cli.common import (
+    KEEP,
     Session,
     answer,
     emitter_option,
@@ -67,6 +68,7 @@ def _known_suffix(
 @click.option("--trade", is_flag=True, help="Show what each preset would lose and gain.")
 @click.option("--model", metavar="MODEL.toml", help="Compensate what this model predicts.")
 @click.option("--pins", metavar="FILE.csv", help="Spins that tags must have: tag,spin_deg.")
+@click.option("--keep", metavar="OLD", help=KEEP)
 @click.option("--partial", is_flag=True, help="Write the good stretches although tags fail.")
 @click.option("--report", metavar="FILE.html", help="Write a page that shows the program.")
 @click.option(
@@ -100,6 +102,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         trade=options["trade"],
         model=options["model"],
         pins=options["pins"],
+        keep=options["keep"],
         partial=options["partial"],
     )
     with session.progress() as progress:
@@ -189,6 +192,8 @@ def _summary(
         session.show("presets  (* is written)")
         for row in (HEAD, *(outcome.row() for outcome in conversion.trade)):
             session.show(f"  {row[0]:<12}" + "".join(f"{word:>10}" for word in row[1:]))
+    if conversion.kept is not None:
+        session.show(f"kept     {conversion.kept.text()}")
     session.show(f"cycle    {content['cycle_time_s']:.1f} s (estimate)")
     grades = ", ".join(f"{count} {grade}" for grade, count in content["grades"].items())
     session.show(f"margin   to limits, singularity and solids: {grades}")

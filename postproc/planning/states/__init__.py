@@ -27,7 +27,7 @@ from postproc.planning.states.place import (
 )
 from postproc.planning.states.postures import Postures, postures
 from postproc.planning.states.pricing import context_of, evaluate
-from postproc.planning.states.problem import Compliance, Problem, path_normals, stiffness_of
+from postproc.planning.states.problem import HELD, Compliance, Problem, path_normals, stiffness_of
 from postproc.planning.states.settings import PlanOptions, Settings, settle
 from postproc.planning.states.stroke import Strokes
 from postproc.planning.states.stroke_ends import StrokeEnds
@@ -47,6 +47,7 @@ from postproc.planning.states.tilt import (
 __all__ = [
     "BETWEEN",
     "BRANCHES",
+    "HELD",
     "NO_POSE",
     "OBJECTIVES",
     "REENTRY",

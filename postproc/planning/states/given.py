@@ -12,11 +12,13 @@ from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.geometry import rotation_angle
 from postproc.model import CUTS, MotionKind, ToolPath
 from postproc.planning.states.moves import Chosen
-from postproc.planning.states.problem import Problem
+from postproc.planning.states.problem import HELD, Problem
 from postproc.units import DEG, MM
 
 NEAR = 0.05 * DEG
 """A state this near to given joints is that of the target."""
+SAME_POSTURE = 45.0 * DEG
+"""Poses of which no joint differs by more are of one posture: an approach and its hole."""
 SAME_POSITION = 0.005 * MM
 SAME_ANGLE = 0.003 * DEG
 """Given joints stand for the pose of a target within these."""
@@ -53,16 +55,25 @@ def _jointed(toolpath: ToolPath) -> BoolArray:
 
 
 def as_given(problem: Problem, tag: IndexArray, q: FloatArray) -> BoolArray:
-    """Return which states (m,) may stand for their tags: where one meets given joints, it alone."""
+    """Return which states (m,) may stand for their tags: where one meets given joints, it alone.
+
+    So do those near the joints of a pose to hold: of its posture.
+    """
     may = np.ones(len(tag), dtype=np.bool_)
+    if HELD in problem.toolpath.extra and len(tag):
+        held = np.asarray(problem.toolpath.extra[HELD])[:, 9:]
+        near = np.abs(q - held[tag]).max(axis=1) < SAME_POSTURE
+        has = np.zeros(len(held), dtype=np.bool_)
+        has[tag[near]] = True
+        may = near | ~has[tag]
     joints = problem.toolpath.joints
     if joints is None or not len(tag):
-        return may
+        return np.asarray(may)
     wanted = _jointed(problem.toolpath)
     near = wanted[tag] & (np.abs(q - joints[tag]).max(axis=1) < NEAR)
     met = np.zeros(len(wanted), dtype=np.bool_)
     met[tag[near]] = True
-    return np.asarray(near | ~met[tag])
+    return np.asarray(may & (near | ~met[tag]))
 
 
 def take_joints(problem: Problem, chosen: Chosen) -> None:

@@ -10,10 +10,10 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.cell import Cell, PathEntry
-from postproc.geometry import angle_between
+from postproc.geometry import angle_between, twist_about
 from postproc.kinematics import Kinematics, wrist_distance
 from postproc.model import CUTS, WORKING, MotionKind, ToolPath
-from postproc.planning.states.place import Placement, cross_axes, finer_spins
+from postproc.planning.states.place import Placement, cross_axes, finer_spins, rounded_spin
 from postproc.planning.states.settings import Settings
 from postproc.planning.states.stroke import Strokes, strokes_of
 from postproc.planning.states.tilt import UPRIGHT, cut_into, entered_anew
@@ -27,9 +27,15 @@ from postproc.process import (
 )
 from postproc.records import dataclass
 from postproc.stiffness import joint_compliance
+from postproc.units import DEG
 
 Compliance = Callable[[FloatArray], FloatArray]
 _FULL_TURN = 2.0 * np.pi
+HELD = "held pose"
+"""Column of a toolpath, (n, 15): R_base_tcp by rows of a pose to hold, joints near it [rad]."""
+_PRINTED = 2e-5 * DEG
+"""Spins are read from a program as closely; nearer to one of those that are planned they are it."""
+_PLANNED = 0.001 * DEG
 
 
 @dataclass(frozen=True)
@@ -81,7 +87,20 @@ class Problem:
         pins, asked = np.full(len(self), np.nan), self.cell.optimize.pins
         for tag in range(len(self) if asked else 0):
             pins[tag] = asked.get(self.toolpath.tag_name(tag), np.nan)
-        return pins
+        return np.where(np.isnan(pins), self._held_spins, pins)
+
+    @cached_property
+    def _held_spins(self) -> FloatArray:
+        """(n,) the spin of the pose that each tag is to hold [rad], NaN for none."""
+        if HELD not in self.toolpath.extra:
+            return np.full(len(self), np.nan)
+        R_base_tcp = np.asarray(self.toolpath.extra[HELD])[:, :9].reshape(-1, 3, 3)
+        place = self.placement
+        R = np.swapaxes(place.R_base_tcp, 1, 2) @ np.nan_to_num(R_base_tcp)
+        spin = twist_about(R, place.tool_axis)
+        near = np.round(spin / _PLANNED) * _PLANNED
+        spin = rounded_spin(np.where(np.abs(spin - near) < _PRINTED, near, spin))
+        return np.where(np.isfinite(R_base_tcp).all(axis=(1, 2)), spin, np.nan)
 
     @cached_property
     def least_feeds(self) -> FloatArray:
