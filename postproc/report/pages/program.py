@@ -132,8 +132,9 @@ def lead(
         return [f"No program: {len(failing)} of {tags} tags fail.{nearest}", f"First: {first}"]
     if errors:
         return [f"No program: {errors[0].message}.{nearest}"]
-    lines = [f"Good: {tags} tags, {len(plan)} controller points, {time_span(total)}.{nearest}"]
-    lines += [f"Careful: {text}." for text in headlines(findings)]
+    careful = "".join(f", but {text}" for text in headlines(findings))
+    size = f"{tags} tags, {len(plan)} controller points, {time_span(total)}"
+    lines = [f"Good: {size}{careful}.{nearest}"]
     good = plan.stiffness[np.isfinite(plan.stiffness)]
     if len(good):
         mean, low = good.mean() / N_PER_MM, good.min() / N_PER_MM

@@ -135,7 +135,7 @@ def check_unasked(run: Run, match: Match) -> Iterator[Said]:
         yield Remark(RunKind.PATH, number, text)
 
 
-def check_still(run: Run, _match: Match) -> Iterator[Said]:
+def check_still(run: Run, match: Match) -> Iterator[Said]:
     """Yield motions that go nowhere right behind one that cuts: the tool stands in the material.
 
     A sub-program begins with a joint motion to where the one before it ended.
@@ -147,7 +147,7 @@ def check_still(run: Run, _match: Match) -> Iterator[Said]:
     is_head = np.append(True, np.diff(trace.file) != 0)[: len(stands)]
     is_head &= ~trace.is_cp & trace.is_axes & ~trace.is_relative
     before = np.maximum.accumulate(np.where(stands, -1, np.arange(len(stands))))
-    cuts = stands & ~is_head & (before >= 0) & (run.cuts.number[before] >= 0)
+    cuts = stands & ~is_head & (before >= 0) & match.uses.is_cut[before]
     for motion, more in listed(np.flatnonzero(cuts), "motions"):
         text = f"a motion that goes nowhere: the tool stands where it cuts{more}"
         yield Remark(RunKind.PATH, motion, text)
