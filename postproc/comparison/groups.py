@@ -47,9 +47,7 @@ def groups_of(
         found += [group.of_program(name) if name else group for group in own]
     found = [*(group for group in found if group.kind != "spin"), *beside.one_spin(found)]
     found += beside.listed(differences, compared, {group.kind for group in found})
-    if {group.kind for group in found} == {"spin"}:
-        found.insert(0, beside.elsewhere(found))
-    return tuple(sorted(found, key=lambda group: KINDS.index(group.kind)))
+    return tuple(sorted(beside.with_cause(found), key=lambda group: KINDS.index(group.kind)))
 
 
 class _Review:
@@ -146,12 +144,13 @@ class _Review:
         flips: list[str] = []
         detours: list[str] = []
         spins: list[tuple[float, str, int]] = []
-        turned: list[tuple[float, str]] = []
+        turned: list[tuple[float, str, int]] = []
         for i, j in self.matched.pairs:
             a, b = self.old[i], self.new[j]
             name = self._name(a)
             before, after = self._joints(a, b)
             by_joints = float(np.abs(before - after).max(initial=0.0)) / DEG
+            count = len(b.path) + len(b.joints)
             if len(a.joints) != len(b.joints):
                 detours.append(name)
             if _flipped(before, after):
@@ -160,9 +159,9 @@ class _Review:
                 turn = float(rotation_angle(a.R[-1], b.R[-1])) / DEG
                 is_one = self.limits.angle_deg < by_joints <= _WRIST * self.limits.angle_deg
                 if turn > self.limits.angle_deg or is_one:
-                    spins.append((turn, name, len(b.path) + len(b.joints)))
+                    spins.append((turn, name, count))
                 elif by_joints > self.limits.angle_deg:
-                    turned.append((by_joints, name))
+                    turned.append((by_joints, name, count))
         yield from self._joints_alone(turned)
         for ids, what in (
             (flips, "the arm stands in another posture at"),
@@ -176,17 +175,18 @@ class _Review:
             worst = {"id": name, "angle_deg": round(turn, 4)}
             yield Group("spin", count, tuple(item[1] for item in spins), worst, "")
 
-    def _joints_alone(self, turned: list[tuple[float, str]]) -> Iterator[Group]:
-        """Yield joint motions that end beside.elsewhere although their places are as before."""
+    def _joints_alone(self, turned: list[tuple[float, str, int]]) -> Iterator[Group]:
+        """Yield joint motions that end elsewhere although their places are as before."""
         if not turned:
             return
-        angle, worst = max(turned)
-        ids = tuple(name for _, name in turned)
+        angle, worst, _ = max(turned)
+        ids = tuple(name for _, name, _ in turned)
         size = {"id": worst, "angle_deg": tidy(angle)}
         is_all = 2 * len(turned) > len(self.matched.pairs)
         text = f"joint targets moved by up to {angle:.4g} deg, the path behind them as before: "
         text += beside.NOT_HERE if is_all else names(ids)
-        yield Group("cell" if is_all else "posture", len(ids), ids, size, text)
+        kind, count = ("cell" if is_all else "posture"), sum(count for _, _, count in turned)
+        yield Group(kind, count, ids, size, text)
 
     def _moved(self, moved: list[tuple[Place, Place, Shift]]) -> Iterator[Group]:
         if not moved:

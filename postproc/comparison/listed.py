@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence, Set
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.comparison.difference import Difference, Group, tidy
+from postproc.comparison.difference import Difference, Group, names, tidy
 from postproc.comparison.lines import Compared, Program
 from postproc.controller import Trace
 from postproc.geometry import kuka_from_transform
@@ -34,6 +35,7 @@ NOT_HERE = (
     "what changed is not in the program: where the base stands, the TCP, limits, solids or "
     "settings of the cell"
 )
+_HOME = "home"
 _COUNT = re.compile(r", (\d+) motions$")
 _FRAME_DATA = re.compile(r"\b(TOOL|BASE|LOAD)_DATA\b|^load ")
 _ARC = ("auxiliary point ", "CA ", "no CA ")
@@ -110,12 +112,21 @@ def one_spin(found: Sequence[Group]) -> list[Group]:
     return [Group("spin", count, ids, worst, text)]
 
 
-def elsewhere(found: Sequence[Group]) -> Group:
-    """Return the group that says that what changed does not stand in the program."""
+def with_cause(found: Sequence[Group]) -> list[Group]:
+    """Return the groups with why joints moved at places that did not.
+
+    The cell is at fault only where the program, its set-up module and the manifest show no cause.
+    """
+    alone = [group for group in found if group.text.endswith(NOT_HERE)]
+    others = [group for group in found if group not in alone]
+    if any(g.kind == "cell" and not g.ids[0].endswith(_HOME) for g in others):
+        at = [replace(g, kind="posture", text=g.text.replace(NOT_HERE, names(g.ids))) for g in alone]
+        return [*others, *at]
+    if not found or any(group.kind != "spin" for group in others):
+        return list(found)
     count = sum(group.count for group in found)
     text = f"all points as before in tool and base, {count} motions with other joint angles: "
-    text += NOT_HERE
-    return Group("cell", count, (), dict(found[0].worst), text)
+    return [Group("cell", count, (), dict(found[0].worst), text + NOT_HERE), *others]
 
 
 # ---------------------------------------------------------------------------- frames and the home
@@ -200,7 +211,7 @@ def changed_homes(compared: Compared, angle_deg: float) -> Iterator[Group]:
         text = f"a home at both ends, {_axes(after)}; there was none"
     else:
         text = "no home at the ends any more"
-    yield Group("cell", 2, ("home",), {"id": "home"}, text)
+    yield Group("cell", 2, (_HOME,), {"id": _HOME}, text)
 
 
 def _axes(q: FloatArray) -> str:
