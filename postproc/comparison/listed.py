@@ -120,7 +120,9 @@ def with_cause(found: Sequence[Group]) -> list[Group]:
     alone = [group for group in found if group.text.endswith(NOT_HERE)]
     others = [group for group in found if group not in alone]
     if any(g.kind == "cell" and not g.ids[0].endswith(_HOME) for g in others):
-        at = [replace(g, kind="posture", text=g.text.replace(NOT_HERE, names(g.ids))) for g in alone]
+        at = [
+            replace(g, kind="posture", text=g.text.replace(NOT_HERE, names(g.ids))) for g in alone
+        ]
         return [*others, *at]
     if not found or any(group.kind != "spin" for group in others):
         return list(found)
