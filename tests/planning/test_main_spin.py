@@ -68,7 +68,9 @@ def test_no_pass_turns_the_tool_over_for_what_rounding_of_the_grid_gives():
     R, axis = made.T_base_tcp[made.kind > 0][:, :3, :3], np.asarray(cell.tool.axis)
     roll = np.unwrap(twist_about(R[0].T @ R, axis))
     assert np.ptp(roll) < 90.0 * DEG
-    assert np.nanmin(made.stiffness) > 0.95 * np.nanmean(made.stiffness)  # none lost in a roll
+    # none lost in a roll; a rapid above the first or last cut may turn towards the home
+    cut = made.stiffness[toolpath.kind != MotionKind.RAPID]
+    assert cut.min() > 0.95 * cut.mean()
 
 
 def searched(seed):
