@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.ndimage import binary_dilation
 from scipy.spatial import cKDTree
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray
@@ -30,8 +33,10 @@ _SAME_MM, _SAME_DEG = 0.002, 0.001
 """Poses nearer than this are one, to the digits of a program."""
 _AXIS = 0.1
 """A tool axis that leans by 1 rad lies as far off as this [m]: .001 deg are .002 mm."""
-_ROUNDS = 6
-"""So often poses that fail or cost too much are given free, before all are."""
+_EXACT = 4
+"""So often only poses that fail or cost too much are given free, then those around them as well."""
+_WIDER = 4
+"""Every further time so many times as many of them: the last time, all."""
 _OTHER_ARM = 0.02
 """Ways between poses of another arm than the cell's differ by more than this share."""
 _NOWHERE = 1e9
@@ -99,15 +104,17 @@ def old_program(old: str, name: str) -> Path | None:
 
 
 def digest_of(old: str) -> str:
-    """Return a hash of all that poses could be kept of."""
+    """Return a hash of all that poses could be kept of: programs, and the ids of a manifest."""
     path = Path(old)
     folder = path.parent if path.suffix.lower() == ".json" else path
     files = sorted(folder.iterdir()) if folder.is_dir() else [path]
     mark = hashlib.sha256()
     for file in files:
-        if file.is_file() and file.suffix.lower() in (_SUFFIX, ".dat", ".json"):
+        if file.is_file() and file.suffix.lower() in (_SUFFIX, ".dat"):
             mark.update(file.name.encode("utf-8", "surrogateescape"))
             mark.update(read_bytes(str(file)))
+            ids = about([str(file)]).get("ids", {})
+            mark.update(json.dumps(ids, sort_keys=True).encode())
     return mark.hexdigest()
 
 
@@ -167,7 +174,7 @@ def plan_kept(
     pose, is_same = _matched(free, cell, old)
     own = _tags_as_read(free, toolpath)
     held, best = np.where(pose >= 0, pose, -1), free
-    for _ in range(_ROUNDS):
+    for number in count():
         if not (held >= 0).any():
             break
         plan = make(_holding(toolpath, old, held[own]))
@@ -175,7 +182,8 @@ def plan_kept(
         if not bad.any():
             best = plan
             break
-        held = np.where(bad, -1, held)
+        around = _WIDER ** (1 + number - _EXACT) if number >= _EXACT else 0
+        held = np.where(binary_dilation(bad, iterations=around) if around else bad, -1, held)
     return best, _counted(best, free, cell, old, pose, is_same)
 
 

@@ -5,6 +5,8 @@ import re
 import numpy as np
 import pytest
 
+from postproc.jobs import kept
+
 HEAD = "id,x,y,z,i,j,k,depth\n"
 HOLES = [(f"H{i}", 60.0 * (i % 4), 50.0 * (i // 4), 0.0) for i in range(12)]
 POSE = re.compile(r"LIN \{([^}]*)\}.*CAM line (\d+)")
@@ -116,3 +118,30 @@ def test_a_batch_keeps_and_names_what_it_kept_of(made, tmp_path, cell, run):
     one, two = ((tmp_path / name / "part.src").read_bytes() for name in ("one", "two"))
     assert one == two
     assert run(*call, tmp_path / "two", "--keep", tmp_path / "one" / "manifest.json")[1]["kept"]
+    again = (*call, tmp_path / "one", "--keep", tmp_path / "one")  # of the folder that it writes
+    said = [run(*again)[1]["kept"] for _ in range(2)]
+    assert not said[0]
+    assert said[1]
+
+
+def test_what_fails_again_and_again_costs_only_what_is_near(made, tmp_path, cell, monkeypatch):
+    calls = []
+
+    def dear(plan, free, cell, held):
+        calls.append(plan)
+        bad = np.zeros(len(held), dtype=bool)
+        if len(calls) <= 6:
+            bad[np.flatnonzero(held)[-1]] = True
+        return bad
+
+    monkeypatch.setattr(kept, "_dear", dear)
+    many = [(f"H{i}", 20.0 * (i % 6), 20.0 * (i // 6), 0.0) for i in range(48)]
+    made("old", many)
+    calls.clear()
+    held = []
+    monkeypatch.setattr(
+        kept, "_holding", lambda path, old, pose: held.append((pose >= 0).sum()) or path
+    )
+    made("new", many, "--keep", tmp_path / "old")
+    assert held[0] > held[-1] > 0
+    assert len(held) == 7
