@@ -19,7 +19,7 @@ from typing import Any
 from postproc.comparison.difference import Difference, DiffTolerance, Group, group_lines
 from postproc.comparison.groups import groups_of
 from postproc.comparison.lines import Compared, Program, differences, program_of
-from postproc.controller import load_program
+from postproc.controller import called_names, load_program
 from postproc.errors import Finding, KrlError, Severity, SourceRef
 from postproc.krl import KrlModule, load_modules, parse_files, require_sound
 from postproc.records import dataclass
@@ -64,9 +64,15 @@ class DiffReport:
         if not self.modules:
             return {"": self}
         parts: dict[str, list[Difference]] = {name.rpartition("/")[2]: [] for name in self.modules}
+        pairs = {_stem(pair.old.trace.files[0]): pair for pair in self.compared}
+        owner = {
+            _stem(file): name
+            for name, pair in pairs.items()
+            for file in (*pair.old.trace.files, *pair.new.trace.files)
+        }
         for item in self.differences:
-            parts.setdefault(Path(item.old_file or item.new_file).stem.upper(), []).append(item)
-        pairs = {Path(pair.old.trace.files[0]).stem.upper(): pair for pair in self.compared}
+            stem = _stem(item.old_file or item.new_file)
+            parts.setdefault(owner.get(stem, stem), []).append(item)
         return {
             name: replace(
                 self,
@@ -111,6 +117,10 @@ class DiffReport:
             "groups": [group.to_dict() for group in self.groups()],
             "differences": [item.to_dict() for item in self.differences],
         }
+
+
+def _stem(path: str) -> str:
+    return Path(path).stem.upper()
 
 
 def diff(old: str | Path, new: str | Path, tolerance: DiffTolerance | None = None) -> DiffReport:
@@ -234,18 +244,62 @@ def _compared(
     tolerance: DiffTolerance,
 ) -> DiffReport:
     """Compare modules by name."""
+    whole = _split_programs(left, right)
+    parts = {part for _, names in whole.values() for part in names}
     found: list[Difference] = []
     pairs: list[tuple[Program, Program]] = []
-    for name in sorted(left.keys() | right.keys()):
+    names = []
+    for name in sorted((left.keys() | right.keys()) - parts):
         if name not in right:
             found.append(_lost(left[name].module, "is gone", is_old=True))
         elif name not in left:
             found.append(_lost(right[name].module, "is new", is_old=False))
         else:
-            pairs.append((left[name].program, right[name].program))
-    names = tuple(sorted(left.keys() & right.keys()))
+            names.append(name)
+            own = left[name].program, right[name].program
+            pairs.append(whole[name][0] if name in whole else own)
     report = _report(old, new, pairs, tolerance)
-    return replace(report, differences=(*found, *report.differences), modules=names)
+    return replace(report, differences=(*found, *report.differences), modules=tuple(names))
+
+
+def _split_programs(
+    left: Mapping[str, _Loaded], right: Mapping[str, _Loaded]
+) -> dict[str, tuple[tuple[Program, Program], list[str]]]:
+    """Return the programs that both sides have with their parts in place, and the parts' names."""
+    found: dict[str, tuple[tuple[Program, Program], list[str]]] = {}
+    owner = _owners(left, right)
+    for main in sorted(set(owner.values())):
+        parts = sorted(name for name, of in owner.items() if of == main != name)
+        if not parts:
+            continue
+        sides = ([side[n].module for n in (main, *parts) if n in side] for side in (left, right))
+        try:
+            old, new = (program_of(side, side[0].name, inline=True) for side in sides)
+        except KrlError:  # a part that calls itself: module by module these can be compared
+            continue
+        found[main] = (old, new), parts
+    return found
+
+
+def _owners(left: Mapping[str, _Loaded], right: Mapping[str, _Loaded]) -> dict[str, str]:
+    """Return by name the module that each is compared as a part of: where it is cut is no matter.
+
+    That is what alone calls it; a module that several call, or none, stands for itself.
+    """
+    callers: dict[str, set[str]] = {name: set() for name in (*left, *right)}
+    for side in (left, right):
+        for name in left.keys() & right.keys():
+            folder = name[: name.rfind("/") + 1]
+            for called in called_names(side[name].module):
+                if folder + called in callers:
+                    callers[folder + called].add(name)
+    found = {}
+    for name in callers:
+        way = [name]
+        while len(callers[way[-1]]) == 1 and len(set(way)) == len(way):
+            way += callers[way[-1]]
+        found[name] = way[-1] if len(set(way)) == len(way) else name
+    return found
 
 
 def _modules(folder: str) -> tuple[dict[str, _Loaded], dict[str, Finding]]:

@@ -233,13 +233,15 @@ class _Lister(Interpreter):
     def run(self, name: str) -> Trace:
         """List a module; one without routines by what its data list holds."""
         module = self._modules[name.upper()]
-        file = self.recorder.file_row(module.dat_path or module.src_path)
-        for key, value, line in seen_by_others(module):
-            text = f"{key.upper()}={value_text(self.evaluator.value(value))}"
-            self.recorder.event(EventWord.DATA, text, (file, line))
+        listed = tuple(self._modules.values()) if self._inline else (module,)
+        for other in listed:
+            file = self.recorder.file_row(other.dat_path or other.src_path)
+            for key, value, line in seen_by_others(other):
+                text = f"{key.upper()}={value_text(self.evaluator.value(value))}"
+                self.recorder.event(EventWord.DATA, text, (file, line))
         if module.routines:
             self._begin(module, module.main)
-        for other in self._modules.values() if self._inline else (module,):
+        for other in listed:
             for routine in other.routines:
                 if _key(other, routine) not in self._listed_routines:
                     file = self.recorder.file_row(other.src_path)

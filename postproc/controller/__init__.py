@@ -2,7 +2,7 @@
 
 from postproc.controller.control import Activation
 from postproc.controller.interpreter import Interpreter, run
-from postproc.controller.modules import load_program
+from postproc.controller.modules import called_names, load_program
 from postproc.controller.motions import Motions
 from postproc.controller.runtime import UNKNOWN, pose_of, text_of
 from postproc.controller.state import INITMOV, STOPMESS, Values
@@ -31,6 +31,7 @@ __all__ = [
     "TraceEvent",
     "Values",
     "World",
+    "called_names",
     "load_program",
     "pose_of",
     "run",

@@ -255,6 +255,31 @@ def test_folders_module_by_module(tmp_path):
     assert sorted(kinds(report)) == ["data", "module", "module", "moved"]
 
 
+def test_parts_of_a_program_are_compared_where_it_calls_them(tmp_path):
+    calls = whole(["A_1()", "A_2()"], "A")
+    data = "DEFDAT A_1 PUBLIC\nDECL GLOBAL REAL rSeen={0}\nENDDAT\n"
+    parts = {"A_1_src": whole(LINES[:2], "A_1"), "A_2_src": whole(LINES[2:], "A_2")}
+    old = write(tmp_path / "old", A_src=calls, A_1_dat=data.format("1.0"), **parts)
+    cut = {"A_1_src": whole(LINES[:1], "A_1"), "A_2_src": whole(LINES[1:], "A_2")}
+    new = write(tmp_path / "new", A_src=calls, A_1_dat=data.format("1.0"), **cut)
+    assert diff(old, new).same
+    assert diff(old, new).modules == ("A",)
+    write(new, A_1_dat=data.format("2.0"))
+    assert kinds(diff(old, new)) == ["data"]
+    assert list(diff(old, new).by_module()) == ["A"]
+    for more, modules in (
+        ({"B_src": whole(["A_1()"], "B")}, ("A", "A_1", "B")),  # of two programs: by itself
+        ({"A_2_src": whole([*LINES[2:], "A_2()"], "A_2")}, ("A", "A_2")),  # two call it
+        ({"A_2_src": parts["A_2_src"] + "DEF L()\nL()\nEND\n"}, ("A", "A_1", "A_2")),  # endless
+    ):
+        for side in (old, new):
+            write(side, **parts | {"A_1_dat": data.format("1.0")} | more)
+        assert diff(old, new).same
+        assert diff(old, new).modules == modules
+        (new / "B.src").unlink(missing_ok=True)
+        (old / "B.src").unlink(missing_ok=True)
+
+
 def test_one_bad_file_does_not_stop_the_folder(tmp_path):
     for side in ("old", "new"):
         (tmp_path / side).mkdir()

@@ -24,8 +24,9 @@ spindle = "unit"
 [krl]
 setup = {setup}
 cam_lines = {cam_lines}
+max_points_per_file = {most}
 """
-PLAIN = {"tool": 1, "length": 150, "base": 1, "x": 1400, "home": "", "setup": "false"}
+PLAIN = {"tool": 1, "length": 150, "base": 1, "x": 1400, "home": "", "setup": "false", "most": 500}
 ROWS = [(f"{'ABC'[k // 4]}{k % 4 + 1}", k % 4 * 60, k // 4 * 50, 12, 120) for k in range(12)]
 HOME = "home_deg = [0, -90, 90, 0, 30, 0]"
 
@@ -143,11 +144,16 @@ def test_what_the_set_up_module_enters(made, capsys):
         assert answer(capsys, "diff", *folders)[1].startswith(expected)
 
 
-def test_what_the_manifest_knows(tmp_path, capsys):
+@pytest.mark.parametrize("most", [500, 10])
+def test_what_the_manifest_knows(tmp_path, capsys, most):
+    """Of one file, and of a program that calls parts of 10 points: holes move between these."""
+
     def batch(name, rows=ROWS, **cell):
         folder = tmp_path / name
         (folder / "in").mkdir(parents=True)
-        (folder / "cell.toml").write_text(CELL.format(**(PLAIN | cell), cam_lines="true"))
+        (folder / "cell.toml").write_text(
+            CELL.format(**(PLAIN | {"most": most} | cell), cam_lines="true")
+        )
         lines = ["id,x,y,z,i,j,k,depth,feed"]
         lines += [f"{n},{x},{y},0,0,0,1,{depth},{feed}" for n, x, y, depth, feed in rows]
         (folder / "in" / "panel.csv").write_text("\n".join(lines) + "\n")
@@ -158,12 +164,17 @@ def test_what_the_manifest_knows(tmp_path, capsys):
     old = batch("old")
     for name, edit, expected in (
         ("moved", {"rows": edited("B2", x=65)}, "moved: B2 moved by (5, 0, 0) mm"),
+        ("added", {"rows": [("N1", 30, 25, 12, 120), *ROWS]}, "added: 1 hole added: N1, at (30"),
+        ("removed", {"rows": ROWS[1:]}, "removed: 1 hole removed: A1, at (0, 0, -12)"),
         ("swap", {"rows": swapped(5, 7)}, "order: B2 and B4 swapped, same holes"),
         ("base", {"x": 1405}, "cell: base 1 moved by (5, 0, 0) mm: 48 motions with it"),
         ("tool", {"length": 160}, "cell: tool 1 moved by (10, 0, 0) mm: 48 motions with it"),
     ):
         new = batch(name, **edit)
-        assert answer(capsys, "diff", old, new)[1].startswith(expected)
+        said = answer(capsys, "diff", old, new)[1]
+        assert said.startswith(expected)
+        assert said.partition("different: ")[0].count("\n") <= 6
+    assert (len(list(old.glob("*.src"))) > 3) == (most == 10)
     # a manifest of another text says nothing
     program = new / "panel.src"
     program.write_text(program.read_text() + "\n")
