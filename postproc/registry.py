@@ -57,6 +57,7 @@ class Registry(Generic[T]):
         self._package = package
         self._kind = kind
         self._parts: dict[str, T] = {}
+        self._lent: dict[str, T] = {}
         self._infos: list[PluginInfo] = []
         self._loaded = False
 
@@ -75,18 +76,17 @@ class Registry(Generic[T]):
         return add
 
     def lend(self, part: T, name: str) -> str:
-        """Register a part of the caller's own for this process, and return the name it got.
+        """Keep a part of the caller's own for this process, and return the name it got.
 
-        The same part has the same name again; where another one has the name, a number follows.
+        The same part has the same name again; where another one has the name, a number follows. It
+        can be used by that name, and is not listed among the parts that everybody has.
         """
         self._load()
         own, number = name, 1
-        while own in self._parts and self._parts[own] != part:
+        while own in self._parts or self._lent.get(own, part) != part:
             number += 1
             own = f"{name}_{number}"
-        if own not in self._parts:
-            self._add(own, part)
-            self._infos.append(PluginInfo(self.group, own, "this program", _own_version()))
+        self._lent[own] = self._checked(part)
         return own
 
     def get(self, name: str) -> T:
@@ -96,14 +96,14 @@ class Registry(Generic[T]):
             PluginError: PLG001 with the words of ``unknown``.
         """
         self._load()
-        if name not in self._parts:
+        if name not in self:
             raise PluginError("PLG001", self.unknown(name))
-        return self._parts[name]
+        return self._lent[name] if name in self._lent else self._parts[name]
 
     def __contains__(self, name: str) -> bool:
         """Return whether a part of this name can be used."""
         self._load()
-        return name in self._parts
+        return name in self._parts or name in self._lent
 
     def unknown(self, name: str, *more: str) -> str:
         """Return why ``name`` cannot be used, with the names that can; ``more``: further ones."""
@@ -132,7 +132,9 @@ class Registry(Generic[T]):
         except PostprocError:
             raise
         except Exception as problem:
-            info = next((i for i in self.infos() if i.name == name and not i.problem), None)
+            own = [PluginInfo(self.group, name, "this program", _own_version())]
+            infos = own if name in self._lent else self.infos()
+            info = next((i for i in infos if i.name == name and not i.problem), None)
             if info is None or info.origin == BUILT_IN:
                 raise
             what = f"{type(problem).__name__}: {problem}"
@@ -143,12 +145,15 @@ class Registry(Generic[T]):
         self._load()
         return tuple(sorted(self._infos, key=lambda info: (info.name, info.origin)))
 
-    def _add(self, name: str, part: T) -> None:
+    def _checked(self, part: T) -> T:
         if isinstance(part, type) or not isinstance(part, self._kind):
             raise PluginError(
                 "PLG005", f"{_kind_of(part)} is no {self._kind.__name__}, see postproc.testing"
             )
-        own = getattr(part, "name", name)
+        return part
+
+    def _add(self, name: str, part: T) -> None:
+        own = getattr(self._checked(part), "name", name)
         if own != name:
             raise PluginError("PLG005", f"it calls itself {own!r}, but is registered as {name!r}")
         if name in self._parts:

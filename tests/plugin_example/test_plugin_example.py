@@ -197,9 +197,9 @@ def test_its_effect_is_adopted_where_it_is_the_cause(installed, tmp_path, cell):
 def test_its_objective_changes_what_is_chosen(installed, tmp_path, cell):
     (tmp_path / "holes.csv").write_text(HOLES)
     programs = {}
-    for objective in ("axial", "low_arm"):
+    for objective in ("normal", "low_arm"):
         call = ("convert", "holes.csv", "--cell", cell, "-o", objective, "--objective", objective)
         done = installed(*call)
         assert done.returncode == 0, done.stderr
         programs[objective] = (tmp_path / objective / "holes.src").read_text()
-    assert programs["axial"] != programs["low_arm"]
+    assert programs["normal"] != programs["low_arm"]
