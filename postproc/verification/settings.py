@@ -135,7 +135,7 @@ def _others(run: Run, settings: Settings, motion: int) -> Iterator[tuple[RunKind
         expected, variable = counts.get(name), system_variable(name)
         if not expected or variable is None or variable.name in run.cell.accept:
             continue
-        if isinstance(value, float) and any(
+        if not isinstance(value, str) and any(
             math.isclose(value, known, rel_tol=_SAME) for known in expected
         ):
             continue
