@@ -262,7 +262,7 @@ def explain(code: str) -> Entry:
     """Return what a finding code, a kind of violation or an effect of a diagnosis means.
 
     Args:
-        code: such as ``PLN101``, ``joint_limit``, ``thermal_drift``.
+        code: such as ``PLN101``, ``joint_limit``, the name of an effect.
 
     Returns:
         ``title``, ``cause``, ``remedy``, ``severity``.
