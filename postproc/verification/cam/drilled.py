@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from itertools import pairwise
+from itertools import pairwise, takewhile
 
 import numpy as np
 
@@ -55,11 +55,10 @@ class Hole:
                 yield number
 
     def way_out(self, height: float) -> tuple[int, ...]:
-        """Return the motions that leave the hole, up to a height [m]."""
+        """Return the motions that leave the hole, until one has come to a height [m]."""
         below = (0.0, *(above for _, above in self.out))
-        return tuple(
-            motion for (motion, _), start in zip(self.out, below, strict=False) if start < height
-        )
+        steps = takewhile(lambda step: step[1] < height, zip(self.out, below, strict=False))
+        return tuple(motion for (motion, _), _ in steps)
 
 
 def holes_of(
