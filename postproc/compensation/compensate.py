@@ -254,6 +254,9 @@ def _crossing(
     own = _Rows(rows.q[start], working, rows.process[start + 1], rows.tool[start], none)
     solved = _solved(arm, own, {"direction": sides.leaving[start], "qd": 0.0 * own.q}, file)
     there = _shifted(plan.rows(start), cell, arm.kinematics, own, solved)
+    radius, inside = commanded.compensation_u95, commanded.compensation_inside
+    if radius is not None and inside is not None:
+        there = replace(there, compensation_u95=radius[start], compensation_inside=inside[start])
     return with_points(commanded, start, there)
 
 
