@@ -35,20 +35,19 @@ pytestmark = [
 ]
 
 
-_C_TO_A = ("series_C_random", "series_A_grid")
+_RANDOM, _GRID = "series_C_random", "series_A_grid"
 _SAG_LEFT_OUT = pytest.mark.xfail(
     strict=True,
-    reason="with no word on the noise the sag (162 nats, 0.019 mm of its own at random poses) is"
-    " left out as too small, and the other series is missed by 0.77 mm instead of 0.46",
+    reason="with no word on the noise the sag (162 nats) is left out as too small at random poses"
+    " (0.0186 mm of its own, 0.0194 asked), and the grid is missed by 0.77 mm instead of 0.46",
 )
 
 
 @pytest.mark.parametrize(
     ("fitted", "judged", "sigma_mm"),
     [
-        pytest.param(*_C_TO_A, None, marks=_SAG_LEFT_OUT),
-        *((*_C_TO_A, sigma_mm) for sigma_mm in (0.01, 0.03)),
-        *((*_C_TO_A[::-1], sigma_mm) for sigma_mm in (None, 0.01, 0.03)),
+        pytest.param(_RANDOM, _GRID, None, marks=_SAG_LEFT_OUT),
+        (_GRID, _RANDOM, 0.03),
     ],
 )
 def test_the_diagnosis_holds_on_poses_of_another_kind(tmp_path, fitted, judged, sigma_mm):
