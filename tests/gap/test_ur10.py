@@ -15,19 +15,9 @@ from postproc.gap.fit.problem import pose_problem
 from postproc.kinematics import build
 from postproc.measurement.file import read_measurements
 from tests.places import SHARED
+from tools.dev.real_arms import UR10_CELL
 
 REAL = SHARED / "real" / "ur10"
-CELL = """schema = "postproc.cell/1"
-name = "ur10"
-[robot]
-urdf = "ur10.urdf"
-tip = "flange"
-[tool]
-number = 1
-name = "reflector"
-frame = { xyz_mm = [0, 0, 50], abc_deg = [0, 0, 0] }
-axis = "+z"
-"""
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.corpus,
@@ -54,7 +44,7 @@ def test_the_diagnosis_holds_on_poses_of_another_kind(tmp_path, fitted, judged, 
     """What the instrument is said to scatter by says nothing of the arm, and changes no cause."""
     shutil.copy(REAL / "ur10.urdf", tmp_path)
     stated = "" if sigma_mm is None else f"[measuring]\nsigma_mm = {sigma_mm}\n"
-    (tmp_path / "cell.toml").write_text(CELL + stated)
+    (tmp_path / "cell.toml").write_text(UR10_CELL + stated)
     cell = load_cell(tmp_path / "cell.toml")
     kinematics = build(cell.robot)
     rows, others = (read_measurements(REAL / f"{name}.csv") for name in (fitted, judged))

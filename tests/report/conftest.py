@@ -6,19 +6,15 @@ import re
 import numpy as np
 import pytest
 
+from tests.browsers import chromium
 from tests.places import FIXTURES, PANEL, PANEL_CELL
-from tools.dev.browser import Browser, installed
 from tools.dev.make_pictures import campaign
 
 
 @pytest.fixture(scope="session")
 def browser():
-    command = installed()
-    if command is None:
-        pytest.skip("no Chromium is installed")
-    started = Browser(command)
-    yield started
-    started.close()
+    with chromium() as started:
+        yield started
 
 
 def data_of(page):

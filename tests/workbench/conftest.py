@@ -8,21 +8,26 @@ import time
 
 import pytest
 
+from tests.browsers import chromium
 from tests.places import PANEL, ROOT
 from tests.report.conftest import panel_cell
-from tools.dev.browser import Browser, installed
 
 pytest.importorskip("uvicorn")
 
 
 @pytest.fixture
 def browser():
-    command = installed()
-    if command is None:
-        pytest.skip("no Chromium is installed")
-    started = Browser(command)
-    yield started
-    started.close()
+    with chromium() as started:
+        yield started
+
+
+def settled(state, seconds=120.0):
+    """Ask for the state until the newest plan is there, and return it."""
+    end = time.monotonic() + seconds
+    while (found := state())["busy"]:
+        assert time.monotonic() < end, found
+        time.sleep(0.02)
+    return found
 
 
 def job(folder, holes=12):
@@ -74,11 +79,7 @@ class Running:
 
     def settled(self, seconds=120.0):
         """Wait until the newest plan is there, and return the state."""
-        end = time.monotonic() + seconds
-        while (state := self.state())["busy"]:
-            assert time.monotonic() < end, state
-            time.sleep(0.05)
-        return state
+        return settled(self.state, seconds)
 
     def stop(self):
         """Interrupt it; return its exit code and what it said."""

@@ -1,7 +1,6 @@
 """What is edited is what ``convert`` makes of the files saved, byte for byte."""
 
 import shutil
-import time
 
 import numpy as np
 import pytest
@@ -9,24 +8,16 @@ import pytest
 from postproc.cli import app
 from postproc.jobs.convert import ConvertRequest, convert
 from postproc.workbench import Bench
-from tests.workbench.conftest import job
+from tests.workbench.conftest import job, settled
 
 
 @pytest.fixture
 def bench(tmp_path):
     made = Bench(*job(tmp_path))
     made.reload()
-    settled(made)
+    settled(made.state)
     yield made
     made.close()
-
-
-def settled(bench, seconds=120.0):
-    end = time.monotonic() + seconds
-    while (state := bench.state())["busy"]:
-        assert time.monotonic() < end, state
-        time.sleep(0.02)
-    return state
 
 
 def converted(call, folder):
@@ -46,7 +37,7 @@ def test_pins_and_places_are_what_convert_makes(bench, tmp_path):
         (lambda: bench.move(0, [2046.0, 4.0, 1000.0], [-90.0, 0.0, 90.0]), "cell.moved.toml"),
     ):
         edit()
-        assert "error" not in settled(bench)
+        assert "error" not in settled(bench.state)
         saved = bench.save()
         assert any(name.endswith(answer) for name in saved["files"])
         code, files = converted(saved["call"], tmp_path)
@@ -55,10 +46,10 @@ def test_pins_and_places_are_what_convert_makes(bench, tmp_path):
         assert files != start
     for _ in range(2):
         bench.step(-1)
-    settled(bench)
+    settled(bench.state)
     assert bench.program() == start
     bench.step(1)
-    settled(bench)
+    settled(bench.state)
     assert bench.state()["pins"] == {bench_name(bench, 5): 60.0}
 
 
@@ -97,7 +88,7 @@ def test_reach_of_a_moved_part_is_that_of_convert(bench, tmp_path):
     far = bench.reach(xyz_mm=[5050.0, 0.0, 1000.0], **there)
     assert far["words"] == "12 out of reach"
     bench.move(xyz_mm=[5050.0, 0.0, 1000.0], **there)
-    state = settled(bench)
+    state = settled(bench.state)
     assert not state["good"]
     assert bench.program() == {}
     code, _ = converted(bench.save()["call"], tmp_path)

@@ -19,7 +19,7 @@ import numpy as np
 
 UR5_ROWS = (30, 63, 125, 250, 1000)
 UR10_ROWS = 1500
-_UR10 = """schema = "postproc.cell/1"
+UR10_CELL = """schema = "postproc.cell/1"
 name = "ur10"
 [robot]
 urdf = "ur10.urdf"
@@ -71,7 +71,7 @@ def _ur10(data: Path, counts: list[int], seed: int) -> None:
         with tempfile.TemporaryDirectory() as place:
             folder = Path(place)
             shutil.copy(data / "ur10.urdf", folder)
-            (folder / "cell.toml").write_text(_UR10, encoding="utf-8")
+            (folder / "cell.toml").write_text(UR10_CELL, encoding="utf-8")
             for name, source in (("fit", fitted), ("judge", judged)):
                 head, *lines = (data / f"{source}.csv").read_text(encoding="utf-8").splitlines()
                 rows = np.sort(np.random.default_rng(seed).permutation(len(lines))[:UR10_ROWS])
