@@ -51,17 +51,12 @@ from postproc.cell.schema import (
 from postproc.cell.urdf import read_urdf_robot
 from postproc.errors import CellError
 from postproc.files import read_bytes
-from postproc.geometry import transform, transform_from_kuka
+from postproc.geometry import AXES, transform, transform_from_kuka
 from postproc.records import dataclass
 from postproc.resources import templates_folder
 from postproc.toml import Location, TomlText, parse_toml
 from postproc.units import DEG, MM, NMM_PER_RAD, PERCENT, RPM
 
-_AXES = {
-    f"{sign}{name}": direction * np.eye(3)[place]
-    for place, name in enumerate("xyz")
-    for sign, direction in (("+", 1.0), ("-", -1.0))
-}
 _MOST_EXPLAINED = 100
 """Errors of one file that are put into words: six are shown."""
 
@@ -220,7 +215,7 @@ class _Builder:
 
     def _tool(self, table: ToolTable, at: Location, inertia: list[float] | None) -> Tool:
         T_flange_tcp = _transform(table.frame)
-        axis = None if table.axis is None else _AXES[table.axis]
+        axis = None if table.axis is None else AXES[table.axis]
         meshes = self._solids(table.meshes, (*at, "meshes"), "tool")
         if table.cutter is not None and axis is not None:
             meshes += (_cutter(table.cutter, T_flange_tcp, axis),)
@@ -378,7 +373,7 @@ def _external_axis(table: ExternalAxisTable) -> ExternalAxis:
     return ExternalAxis(
         name=table.name,
         kind=table.kind,
-        axis=T_world_axis[:3, :3] @ _AXES[table.axis],
+        axis=T_world_axis[:3, :3] @ AXES[table.axis],
         T_world_axis=T_world_axis,
         q_min=low * unit,
         q_max=high * unit,

@@ -10,6 +10,7 @@ from postproc.geometry.curves import (
     spline_tangents,
 )
 from postproc.geometry.frames import (
+    AXES,
     abc_from_rotation,
     across,
     angle_between,
@@ -35,6 +36,7 @@ from postproc.geometry.frames import (
 from postproc.geometry.poses import arc_points, arc_poses, line_poses, path_length
 
 __all__ = [
+    "AXES",
     "STEP_SWEEP",
     "Circles",
     "abc_from_rotation",

@@ -13,6 +13,12 @@ from numpy.typing import ArrayLike
 from postproc.arrays import FloatArray
 from postproc.units import DEG, MM
 
+AXES = {
+    f"{sign}{name}": direction * np.eye(3)[place]
+    for place, name in enumerate("xyz")
+    for sign, direction in (("+", 1.0), ("-", -1.0))
+}
+"""Axes of a frame by sign and name, each a unit vector (3,)."""
 _HALF_TURN_BACK = -np.pi + 1e-9
 """An angle [rad] below this is half a turn but for the last digits of its rotation."""
 

@@ -17,7 +17,7 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.cell import Cell, MeshPlacement
 from postproc.errors import Finding
-from postproc.geometry import rotation_z, transform
+from postproc.geometry import AXES, rotation_z, transform
 from postproc.model import ToolPath
 from postproc.planning import Reach
 from postproc.records import dataclass
@@ -36,7 +36,6 @@ _CLOSE = 1.03
 """A least amount is known to this factor."""
 _MORE = (1.0, 1.04, 1.08)
 """An amount that the poses allow is tried at these factors until the whole job can be run."""
-_AXES = ("+x", "-x", "+y", "-y", "+z", "-z")
 
 Good = Callable[[Cell], bool]
 
@@ -95,7 +94,6 @@ def causes(
     whole = len(failing) == len(toolpath)
     head = f"{'all ' if whole else ''}{len(failing)} tags are {WORDS[reason]}"
     head = head if len(failing) > 1 else f"tag {_name(toolpath, failing)} is {WORDS[reason]}"
-    code = reason
 
     def stands(here: Cell) -> bool:
         return Reach.of(toolpath, here).serves(tuple(k for k in failing if k is not None))
@@ -111,10 +109,10 @@ def causes(
                 text = f"{head}: {cure.blame}; {remedy} and all can be run"
                 amount = cure.amount(value)
                 return (
-                    Cause(len(failing), code, cure.blame, remedy, amount, cure.unit, text, True),
+                    Cause(len(failing), reason, cure.blame, remedy, amount, cure.unit, text, True),
                 )
     text = f"{head}: no single change of a rule, a solid, the tool axis or the place frees them all"
-    return (Cause(len(failing), code, "", "", None, "", text, False),)
+    return (Cause(len(failing), reason, "", "", None, "", text, False),)
 
 
 def _name(toolpath: ToolPath, failing: dict[int | None, str]) -> str:
@@ -252,17 +250,12 @@ def _with_moved(cell: Cell, k: int, by: FloatArray) -> Cell:
 
 def _tool_axes(cell: Cell) -> Iterator[_Cure]:
     tool = cell.tool
-    now = next((name for name in _AXES if np.allclose(_vector(name), tool.axis)), "")
+    now = next((name for name in AXES if np.allclose(AXES[name], tool.axis)), "")
     flipped = now.translate(str.maketrans("+-", "-+"))
-    for name in (flipped, *(other for other in _AXES if other not in (now, flipped))):
-        tools = tuple(replace(t, known_axis=_vector(name)) if t is tool else t for t in cell.tools)
+    for name in (flipped, *(other for other in AXES if other not in (now, flipped))):
+        tools = tuple(replace(t, known_axis=AXES[name]) if t is tool else t for t in cell.tools)
         blame = f'the axis of tool {tool.number} is "{now}"'
         yield _once(blame, replace(cell, tools=tools), f'set axis = "{name}"')
-
-
-def _vector(name: str) -> FloatArray:
-    sign = 1.0 if name.startswith("+") else -1.0
-    return np.asarray(sign * np.eye(3)["xyz".index(name[1])])
 
 
 def _turns(toolpath: ToolPath, cell: Cell) -> Iterator[_Cure]:

@@ -23,7 +23,7 @@ from postproc.cell import (
 from postproc.collision import OUTLINE_SHARES, Scene, is_measured
 from postproc.emitters import emitter_of
 from postproc.errors import CellError, EmitError, Finding, Severity, SourceRef
-from postproc.geometry import across, inverse, kuka_from_transform, rotation_about, transform
+from postproc.geometry import AXES, across, inverse, kuka_from_transform, rotation_about, transform
 from postproc.jobs.arm_doubts import arm_doubts
 from postproc.jobs.paged import Paged
 from postproc.jobs.solid_doubts import size_findings
@@ -37,7 +37,6 @@ _SOFTEST_USUAL = 1e4
 """Joint stiffness [N*m/rad] below which an industrial arm's value looks like a wrong unit."""
 _SPINS = 12
 _Entry = TypeVar("_Entry", Tool, Workpiece)
-_STRAIGHT_IN = ("+x", "-x", "+y", "-y", "+z", "-z")
 
 
 class CellCheck(Paged):
@@ -265,15 +264,14 @@ def _reachable_directions(cell: Cell, kinematics: Kinematics, base: int) -> tupl
     for tool in cell.tools:
         if tool.known_axis is None:
             continue
-        for name in _STRAIGHT_IN:
-            wanted = np.eye(3)["xyz".index(name[1])] * (1.0 if name[0] == "+" else -1.0)
+        for name, wanted in AXES.items():
             R = rotation_about(wanted, spins) @ _turning(np.asarray(tool.axis), wanted)
             T_robroot_tcp = cell.bases[base].T_robroot_base @ transform(R, np.zeros(3))
             q, valid = kinematics.ik(T_robroot_tcp @ inverse(tool.T_flange_tcp))
             turned, _ = kinematics.turns(q[valid])
             if kinematics.within_limits(turned, margin).any():
                 found.add(name)
-    return tuple(name for name in _STRAIGHT_IN if name in found)
+    return tuple(name for name in AXES if name in found)
 
 
 def _turning(a: FloatArray, b: FloatArray) -> FloatArray:

@@ -173,7 +173,7 @@ def plan_kept(
         return free, Kept(0, 0, 0, len(toolpath), None if old is None else 0.0)
     pose, is_same = _matched(free, cell, old)
     own = _tags_as_read(free, toolpath)
-    held, best = np.where(pose >= 0, pose, -1), free
+    held, best = pose, free
     for number in count():
         if not (held >= 0).any():
             break

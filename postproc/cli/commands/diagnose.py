@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -16,6 +16,10 @@ from postproc.cli.common import (
     standard_options,
     tool_option,
 )
+
+if TYPE_CHECKING:
+    from postproc.jobs.diagnose import DiagnosisJob
+    from postproc.jobs.diagnose_trace import PathJob
 
 POSES_ONLY = ("registered", "before", "self_check")
 """Options that need a campaign of poses."""
@@ -121,13 +125,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
             options["before"],
             options["trials"] if options["self_check"] else 0,
         )
-    if options["output"]:
-        job.write(options["output"])
-    session.document(job.document)
-    for line in job.summary:
-        session.show(line)
-    tolerance = options["tol_mm"]
-    return answer(tolerance is None or job.document["gap"]["rms_mm"] <= tolerance)
+    return _told(session, options, job)
 
 
 def _trace(session: Session, options: dict[str, Any]) -> int:
@@ -146,6 +144,11 @@ def _trace(session: Session, options: dict[str, Any]) -> int:
     toolpath = read_cam(options["against"], options, cell) if options["against"] else None
     with session.progress() as progress:
         job = diagnose_trace(options["trace"], cell, model, progress, options["program"], toolpath)
+    return _told(session, options, job)
+
+
+def _told(session: Session, options: dict[str, Any], job: DiagnosisJob | PathJob) -> int:
+    """Write the files that are asked for, tell the answer, and return the exit code."""
     if options["output"]:
         job.write(options["output"])
     session.document(job.document)

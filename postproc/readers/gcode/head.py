@@ -14,7 +14,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.errors import UsageError
-from postproc.geometry import rotation_about
+from postproc.geometry import AXES, rotation_about
 from postproc.records import dataclass
 from postproc.units import DEG
 
@@ -66,6 +66,5 @@ def head_of(text: str | None) -> Head | None:
     joints = []
     for match in found:
         assert match is not None  # noqa: S101 - looked at above
-        about = np.eye(3)["xyz".index(match[3])] * (1.0 if match[2] == "+" else -1.0)
-        joints.append((match[1], tuple(about.tolist())))
+        joints.append((match[1], tuple(AXES[match[2] + match[3]].tolist())))
     return Head(tuple(joints), of_tip)
