@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
-from postproc.errors import ReadError, SourceRef
+from postproc.errors import DataError, PostprocError, ReadError, SourceRef
 
 PIPE_SILENCE = 60.0
 """Longest time [s] for which a pipe is waited for without a byte."""
@@ -32,6 +32,19 @@ def read_bytes(path: str | Path) -> bytes:
     """
     with open_input(path) as stream:
         return stream.read()
+
+
+def text_of(raw: bytes, path: str | Path, code: str, error: type[PostprocError] = DataError) -> str:
+    """Return the text of a file in UTF-8, a byte order mark left out.
+
+    Raises:
+        PostprocError: of class ``error`` with the line, if it is none.
+    """
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError as problem:
+        line = raw[: problem.start].count(b"\n") + 1
+        raise error(code, "not a text file in UTF-8", SourceRef(str(path), line)) from None
 
 
 @contextmanager

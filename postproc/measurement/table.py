@@ -15,7 +15,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.errors import DataError, SourceRef
-from postproc.files import read_bytes
+from postproc.files import read_bytes, text_of
 from postproc.measurement.columns import LABELS
 from postproc.records import dataclass
 
@@ -47,12 +47,7 @@ def read_table(path: str | Path) -> Table:
             cells, MEA006 decimals with a point and with a comma.
         ReadError: IO001, IO002.
     """
-    raw = read_bytes(path)
-    try:
-        text = raw.decode("utf-8-sig")
-    except UnicodeDecodeError as problem:
-        line = raw[: problem.start].count(b"\n") + 1
-        raise DataError("MEA001", "not a text file in UTF-8", SourceRef(str(path), line)) from None
+    text = text_of(read_bytes(path), path, "MEA001")
     if "\0" in text:
         line = text[: text.index("\0")].count("\n") + 1
         raise DataError("MEA001", "not a text file", SourceRef(str(path), line))

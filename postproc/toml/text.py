@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from postproc.errors import PostprocError, SourceRef
-from postproc.files import read_bytes
+from postproc.files import read_bytes, text_of
 from postproc.records import dataclass
 
 Location = tuple[str | int, ...]
@@ -74,11 +74,7 @@ def parse_toml(raw: bytes, path: str | Path, error: type[PostprocError], code: s
     if len(raw) > MOST_BYTES:
         text = f"{len(raw)} bytes, expected at most {MOST_BYTES}"
         raise error(code, text, SourceRef(str(path)))
-    try:
-        text = raw.decode("utf-8-sig").replace("\r\n", "\n")
-    except UnicodeDecodeError as problem:
-        line = raw[: problem.start].count(b"\n") + 1
-        raise error(code, "not a text file in UTF-8", SourceRef(str(path), line)) from None
+    text = text_of(raw, path, code, error).replace("\r\n", "\n")
     lines = tuple(text.split("\n"))
     if deep := _DEEP_KEY.search(text):
         where = SourceRef(str(path), text.count("\n", 0, deep.start()) + 1)

@@ -11,7 +11,7 @@ import math
 from pathlib import Path
 
 from postproc.errors import DataError, SourceRef
-from postproc.files import read_bytes
+from postproc.files import read_bytes, text_of
 from postproc.records import dataclass
 
 HEADER = ("tag", "spin_deg")
@@ -35,12 +35,7 @@ def read_pins(path: str | Path) -> tuple[Pin, ...]:
             PIN004 not a number from -360 to 360, PIN005 a tag twice, PIN006 no pin at all.
         ReadError: IO001, IO002.
     """
-    raw = read_bytes(path)
-    try:
-        text = raw.decode("utf-8-sig")
-    except UnicodeDecodeError as problem:
-        line = raw[: problem.start].count(b"\n") + 1
-        raise DataError("PIN001", "not a text file in UTF-8", SourceRef(str(path), line)) from None
+    text = text_of(read_bytes(path), path, "PIN001")
     pins: dict[str, Pin] = {}
     header_seen = False
     for number, row in enumerate(text.splitlines(), start=1):
