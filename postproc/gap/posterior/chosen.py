@@ -179,7 +179,7 @@ def numbers(
         raise ValueError("a class has no numbers")
     root = unit_root(effect, problem.samples.arm, setting)
     part = at.part(equations, candidate.key)
-    theta, C = root @ at.theta[part], root @ at.covariance[candidate.key] @ root.T
+    theta, C = root @ at.theta[part], root @ at.covariance[part, part] @ root.T
     known = problem.given.get(candidate.name)
     if known is not None and len(known.theta) == len(theta):
         theta = theta + np.nan_to_num(known.theta)

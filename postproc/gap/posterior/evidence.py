@@ -121,7 +121,7 @@ class Optimum:
     """A set of candidates at its most probable scales.
 
     value: log evidence [nats]; log_scale: by key, (families,); sigma: [m]; u: (p,) numbers of unit
-    prior times their scale's standard deviation; covariance: by key, (k, k) of these; left: [m^2]
+    prior times their scale's standard deviation; spread: (p, p) covariance of these; left: [m^2]
     square of the rest; free: degrees of freedom of it; quadratic: square of the gap in the whole
     covariance.
     """
@@ -131,7 +131,7 @@ class Optimum:
     log_scale: Mapping[str, FloatArray]
     sigma: float
     theta: FloatArray
-    covariance: Mapping[str, FloatArray]
+    covariance: FloatArray
     deviation: FloatArray
     left: float
     free: float
@@ -225,17 +225,15 @@ class _Problem:
         D = np.ones(len(self.b))
         free = self.group >= 0
         D[free] = np.exp(x[self.group[free]])
-        B = self.H * D
-        B *= (D / sigma2)[:, None]
+        B = (D[:, None] * self.H * D) / sigma2
         B.flat[:: len(B) + 1] += 1.0
         if len(B):
-            L, failed = dpotrf(B.T, lower=1, overwrite_a=1)
+            L, failed = dpotrf(B, lower=1)
             if failed:
                 raise np.linalg.LinAlgError("the products of the columns are not positive")
             half_log_det = float(np.sum(np.log(np.diag(L))))
-            half = dpotri(L, lower=1, overwrite_c=1)[0]
-            inverse = half + half.T
-            inverse.flat[:: len(B) + 1] *= 0.5
+            inverse = dpotri(L, lower=1)[0]
+            inverse = np.tril(inverse) + np.tril(inverse, -1).T
         else:
             half_log_det, inverse = 0.0, B
         v = D * self.b / sigma2
@@ -267,15 +265,13 @@ class _Problem:
         if self.groups:
             determined = np.bincount(self.group[free], seen[free], minlength=self.groups)
             value += float(np.sum(0.5 * np.log(2.0 * np.pi / (2.0 * determined + 1.0))))
-        scales, covariance, used, start = {}, {}, 0, 0
+        scales, at = {}, 0
         for part in parts:
-            own = slice(start, start + part.X.shape[2])
-            start = own.stop
-            covariance[part.key] = inverse[own, own] * np.outer(D[own], D[own])
             if not part.fixed:
-                scales[part.key] = np.asarray(x[used : used + part.families])
-                used += part.families
+                scales[part.key] = np.asarray(x[at : at + part.families])
+                at += part.families
         taken = float(np.sum(seen))
+        covariance = inverse * np.outer(D, D)
         return Optimum(
             keys,
             value,
