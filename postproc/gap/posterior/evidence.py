@@ -9,7 +9,7 @@ nats for any other.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field
 
 import numpy as np
@@ -382,15 +382,10 @@ def held_out(
     stays = np.ones(len(index), dtype=bool)
     for key in without:
         stays[at.part(equations, key)] = False
-    H, b = A.T @ A + np.diag(at.deviation**-2), A.T @ z
-    own = label[equations.row]
     found = np.zeros(int(label.max(initial=-1)) + 1)
-    for k in range(len(found)):
-        here = own == k
-        if not np.any(here):
+    for k, P, q, others, told in _without_each(A, z, at.deviation**-2, label[equations.row]):
+        if k < 0:
             continue
-        P, q = A[here], z[here]
-        others, told = H - P.T @ P, b - P.T @ q
         left = []
         for use in (stays, np.ones(len(index), dtype=bool)):
             theta = np.linalg.solve(others[np.ix_(use, use)], told[use])
@@ -403,12 +398,31 @@ def left_out(equations: Equations, at: Optimum, label: IntArray) -> float:
     """Return by how much rows are missed by fits without their label, 3D rms [m]; scales stay."""
     index = equations.among(at.keys)[0]
     A, z = equations.A[:, index], equations.z
-    H, b = A.T @ A + at.sigma**2 * np.diag(at.deviation**-2), A.T @ z
-    own = label[equations.row]
-    square = 0.0
-    for k in np.unique(own):
-        here = own == k
-        P, q = A[here], z[here]
-        theta = np.linalg.solve(H - P.T @ P, b - P.T @ q)
+    prior, square = (at.sigma / at.deviation) ** 2, 0.0
+    for _, P, q, others, told in _without_each(A, z, prior, label[equations.row]):
+        theta = np.linalg.solve(others, told)
         square += float(np.sum((q - P @ theta) ** 2))
     return float(np.sqrt(square / max(len(np.unique(equations.row)), 1)))
+
+
+def _without_each(
+    A: FloatArray, z: FloatArray, prior: FloatArray, own: IntArray
+) -> Iterator[tuple[int, FloatArray, FloatArray, FloatArray, FloatArray]]:
+    """Yield each label, its rows of A and z, and the products of all others with the prior.
+
+    Others are summed, never taken from the whole: where only the rows left out see a number, the
+    difference is rounding, which beside a wide prior is no small number.
+    """
+    labels = np.unique(own).tolist()
+    rows = [(A[own == k], z[own == k]) for k in labels]
+    products = [(P.T @ P, P.T @ q) for P, q in rows]
+    nothing = np.zeros((A.shape[1], A.shape[1])), np.zeros(A.shape[1])
+    behind = [nothing]
+    for H, b in reversed(products[1:]):
+        behind.append((behind[-1][0] + H, behind[-1][1] + b))
+    H, b = np.diag(prior), nothing[1]
+    for (k, (P, q)), own_products, (more, told) in zip(
+        zip(labels, rows, strict=True), products, reversed(behind), strict=True
+    ):
+        yield k, P, q, H + more, b + told
+        H, b = H + own_products[0], b + own_products[1]
