@@ -3,6 +3,4 @@
 from postproc.backup.cellvalues import cell_values
 from postproc.backup.compare import BackupComparison, compare
 from postproc.backup.compare_external import Difference
-from postproc.backup.controller import Controller, read_backup
-
-__all__ = ["BackupComparison", "Controller", "Difference", "cell_values", "compare", "read_backup"]
+from postproc.backup.controller import read_backup

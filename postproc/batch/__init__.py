@@ -5,13 +5,3 @@ from postproc.batch.jobs import Job
 from postproc.batch.junit import junit_xml
 from postproc.batch.precheck import call_of
 from postproc.batch.run import BatchOptions, BatchOutcome, run_batch
-
-__all__ = [
-    "BatchOptions",
-    "BatchOutcome",
-    "Job",
-    "call_of",
-    "check_batch",
-    "junit_xml",
-    "run_batch",
-]

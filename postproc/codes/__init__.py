@@ -18,8 +18,6 @@ from typing import Any
 from postproc.errors import RunKind, Severity
 from postproc.records import dataclass
 
-__all__ = ["Entry", "Group", "find", "groups", "nearest"]
-
 _FOLDER = Path(__file__).parent
 _SHOWN = 3
 _KINDS, _OF_KINDS = frozenset(RunKind), "VER"

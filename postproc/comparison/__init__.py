@@ -4,14 +4,3 @@ from postproc.comparison.diff import DiffReport, diff, diff_files
 from postproc.comparison.difference import Difference, DiffTolerance
 from postproc.comparison.manifest import about, accept
 from postproc.comparison.settings import cam_lines
-
-__all__ = [
-    "DiffReport",
-    "DiffTolerance",
-    "Difference",
-    "about",
-    "accept",
-    "cam_lines",
-    "diff",
-    "diff_files",
-]

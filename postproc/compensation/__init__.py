@@ -2,11 +2,3 @@
 
 from postproc.compensation.compensate import compensate, with_shift_margin
 from postproc.compensation.real_arm import RealArm, cell_with_model, left_out
-
-__all__ = [
-    "RealArm",
-    "cell_with_model",
-    "compensate",
-    "left_out",
-    "with_shift_margin",
-]

@@ -15,25 +15,3 @@ from postproc.controller.trace import (
     TraceEvent,
     World,
 )
-
-__all__ = [
-    "INITMOV",
-    "STOPMESS",
-    "UNKNOWN",
-    "Activation",
-    "Blend",
-    "EventWord",
-    "Interpreter",
-    "MotionType",
-    "Motions",
-    "Settings",
-    "Trace",
-    "TraceEvent",
-    "Values",
-    "World",
-    "called_names",
-    "load_program",
-    "pose_of",
-    "run",
-    "text_of",
-]

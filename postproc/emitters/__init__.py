@@ -12,21 +12,3 @@ from postproc.emitters.check import (
     written,
 )
 from postproc.emitters.former import Former, former_parts
-
-__all__ = [
-    "EMITTERS",
-    "Against",
-    "Emitter",
-    "Former",
-    "Program",
-    "ReadBack",
-    "differences",
-    "emit",
-    "emitter_of",
-    "former_parts",
-    "is_checkable",
-    "motions_of",
-    "read_back",
-    "with_emitter",
-    "written",
-]

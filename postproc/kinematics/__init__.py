@@ -11,7 +11,7 @@ from postproc.kinematics.corners import (
     bound_of,
     joint_share,
 )
-from postproc.kinematics.dynamics import Dynamics, dynamics_of
+from postproc.kinematics.dynamics import dynamics_of
 from postproc.kinematics.model import Kinematics
 from postproc.kinematics.rounding import corner_miss, within_tolerance
 from postproc.kinematics.singular import (
@@ -23,27 +23,3 @@ from postproc.kinematics.singular import (
 )
 from postproc.kinematics.status import status_turn
 from postproc.kinematics.tool_axis import is_coaxial_with_axis_6
-
-__all__ = [
-    "IN_STEP",
-    "NEARER",
-    "STRETCHED",
-    "Bound",
-    "Corners",
-    "Dynamics",
-    "Kinematics",
-    "Pieces",
-    "bound_of",
-    "build",
-    "corner_miss",
-    "dynamics_of",
-    "elbow_distance",
-    "is_coaxial_with_axis_6",
-    "joint_share",
-    "shoulder_distance",
-    "smallest_singular_value",
-    "status_turn",
-    "within_tolerance",
-    "wrapped",
-    "wrist_distance",
-]

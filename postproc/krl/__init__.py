@@ -14,18 +14,5 @@ from postproc.krl.system import (
     system_variable,
     system_variables,
 )
-from postproc.krl.text import *  # noqa: F403 - its names stand once, in its own __all__
+from postproc.krl.text import *  # noqa: F403 - its names stand once, there
 from postproc.krl.text import numbers
-
-__all__ = [
-    "Effect",
-    "LintOptions",
-    "SystemVariable",
-    "declared_names",
-    "initial_values",
-    "lint",
-    "numbers",
-    "system_variable",
-    "system_variables",
-]
-__all__ += text.__all__

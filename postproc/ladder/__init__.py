@@ -3,15 +3,3 @@
 from postproc.ladder.free_path import Failing, Found, Steps, free_path
 from postproc.ladder.graph import NONE, Joined, Rule, Tolls
 from postproc.ladder.ladder import Ladder
-
-__all__ = [
-    "NONE",
-    "Failing",
-    "Found",
-    "Joined",
-    "Ladder",
-    "Rule",
-    "Steps",
-    "Tolls",
-    "free_path",
-]

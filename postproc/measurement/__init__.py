@@ -12,7 +12,11 @@ from postproc.measurement.columns import (
 )
 from postproc.measurement.datum import BaseFit, DatumPoints, fit_base, read_datum_points
 from postproc.measurement.fill_in import cells, table_to_fill_in
-from postproc.measurement.readings import Readings, has_points, only_points, readings_of
+from postproc.measurement.readings import (
+    has_points,
+    only_points,
+    readings_of,
+)
 from postproc.measurement.registration import (
     fit_registration,
     frames_of,
@@ -26,40 +30,3 @@ from postproc.measurement.rows import MeasurementSet, Remark
 from postproc.measurement.scatter import MEAN_LENGTH, robust_sigma
 from postproc.measurement.setups import SetUps, set_ups
 from postproc.measurement.tools import points_of_rows, tool_points
-
-__all__ = [
-    "DIRECTION",
-    "EXPECTED",
-    "JOINTS",
-    "MEAN_LENGTH",
-    "ORIENTATION",
-    "POSITION",
-    "SPEED",
-    "WRENCH",
-    "BaseFit",
-    "DatumPoints",
-    "MeasurementSet",
-    "Readings",
-    "Remark",
-    "SetUps",
-    "cells",
-    "fit_base",
-    "fit_registration",
-    "frames_of",
-    "has_points",
-    "in_robroot",
-    "only_points",
-    "points_of",
-    "points_of_rows",
-    "read_campaign",
-    "read_datum_points",
-    "readings_of",
-    "repaired",
-    "rigid_motion",
-    "robust_sigma",
-    "set_ups",
-    "table_to_fill_in",
-    "tool_points",
-    "unloaded_rows",
-    "without_copies",
-]

@@ -17,30 +17,3 @@ from postproc.paths.times import (
     torques_of,
 )
 from postproc.paths.world import run_in_cell
-
-__all__ = [
-    "SLOWEST",
-    "STEP_ANGLE",
-    "Displacement",
-    "Externals",
-    "Moments",
-    "Paths",
-    "Shift",
-    "Station",
-    "Timeline",
-    "at_speed",
-    "chains",
-    "cycle_time",
-    "directions",
-    "durations",
-    "feed_shares",
-    "joint_path",
-    "joint_paths",
-    "joint_times",
-    "moments_of",
-    "motion_times",
-    "run_in_cell",
-    "speed_shares",
-    "top_speeds",
-    "torques_of",
-]

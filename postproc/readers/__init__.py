@@ -12,17 +12,3 @@ from postproc.readers.base import (
     read,
 )
 from postproc.readers.csv import holes_of, read_pins
-
-__all__ = [
-    "HABITS",
-    "HEAD_BYTES",
-    "LENGTH_UNITS",
-    "READERS",
-    "ReadOptions",
-    "Reader",
-    "SurfaceNormals",
-    "filled",
-    "holes_of",
-    "read",
-    "read_pins",
-]

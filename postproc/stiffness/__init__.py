@@ -11,18 +11,3 @@ from postproc.stiffness.fieldfile import (
     is_field_table,
     whole_field,
 )
-
-__all__ = [
-    "STIFFNESS",
-    "ConstantField",
-    "ContinuousField",
-    "Locate",
-    "StiffnessField",
-    "constant_of",
-    "constant_table",
-    "describe",
-    "field_table",
-    "is_field_table",
-    "joint_compliance",
-    "whole_field",
-]

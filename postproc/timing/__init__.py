@@ -2,34 +2,12 @@
 
 from postproc.timing.bounded import JointPath, slopes
 from postproc.timing.profile import (
-    ORIENTATION_SPEED,
-    PATH_ACCELERATION,
     RAMP,
     SPEED_UP_TIME,
     Bends,
     axis_speed_cap,
-    chain_profile,
     joint_move_time,
-    line_time,
     path_times,
 )
 from postproc.timing.racing import Samples, resolved
 from postproc.timing.torques import Torques
-
-__all__ = [
-    "ORIENTATION_SPEED",
-    "PATH_ACCELERATION",
-    "RAMP",
-    "SPEED_UP_TIME",
-    "Bends",
-    "JointPath",
-    "Samples",
-    "Torques",
-    "axis_speed_cap",
-    "chain_profile",
-    "joint_move_time",
-    "line_time",
-    "path_times",
-    "resolved",
-    "slopes",
-]

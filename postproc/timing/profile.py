@@ -27,8 +27,6 @@ RAMP = 0.1
 """Time [s] in which acceleration is built up; assumed."""
 PATH_ACCELERATION = 2.3
 """[m/s^2], the default of $ACC.CP on KUKA controllers."""
-ORIENTATION_SPEED = 3.490658503988659
-"""[rad/s], the default of $VEL.ORI1 (200 deg/s) on KUKA controllers."""
 _MOMENTS = 33
 """Of a joint move at which torques are asked for: quarters of its time are among them, where it
 speeds up most if it is short."""

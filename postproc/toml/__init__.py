@@ -3,14 +3,3 @@
 from postproc.toml.edit import edited
 from postproc.toml.text import Location, TomlText, load_toml, parse_toml
 from postproc.toml.write import toml_key, toml_table, toml_value
-
-__all__ = [
-    "Location",
-    "TomlText",
-    "edited",
-    "load_toml",
-    "parse_toml",
-    "toml_key",
-    "toml_table",
-    "toml_value",
-]

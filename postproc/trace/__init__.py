@@ -6,16 +6,3 @@ from postproc.trace.effect import PATH_EFFECTS
 from postproc.trace.program import of_program, of_toolpath
 from postproc.trace.reading import TRACES, read_recording
 from postproc.trace.recording import Recording
-
-__all__ = [
-    "PATH_EFFECTS",
-    "TRACES",
-    "PathDiagnosis",
-    "Recording",
-    "document",
-    "model_file",
-    "of_program",
-    "of_toolpath",
-    "read_recording",
-    "summary",
-]

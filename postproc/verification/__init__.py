@@ -3,11 +3,3 @@
 from postproc.verification.cam import Tolerances
 from postproc.verification.report import Expectation, Played, VerifyReport
 from postproc.verification.verify import verify
-
-__all__ = [
-    "Expectation",
-    "Played",
-    "Tolerances",
-    "VerifyReport",
-    "verify",
-]

@@ -2,5 +2,3 @@
 
 from postproc.workbench.bench import Bench
 from postproc.workbench.server import Workbench, open_workbench
-
-__all__ = ["Bench", "Workbench", "open_workbench"]

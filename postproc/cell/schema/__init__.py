@@ -15,25 +15,3 @@ from postproc.cell.schema.solid import Solid, ToolSolid
 from postproc.cell.schema.table import Placement, Table, default_of
 from postproc.cell.schema.tool import CutterTable, ToolTable
 from postproc.cell.schema.workpiece import WorkpieceTable
-
-__all__ = [
-    "CellFile",
-    "CutterTable",
-    "DimensionsTable",
-    "ExternalAxisTable",
-    "HooksTable",
-    "ImportTable",
-    "KrlTable",
-    "LimitsTable",
-    "MotionTable",
-    "OptimizeTable",
-    "Placement",
-    "ProcessTable",
-    "RobotTable",
-    "Solid",
-    "Table",
-    "ToolSolid",
-    "ToolTable",
-    "WorkpieceTable",
-    "default_of",
-]

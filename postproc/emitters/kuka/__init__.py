@@ -1,5 +1,3 @@
 """Plan to KUKA KRL and back."""
 
 from postproc.emitters.kuka.krl import KukaKrl
-
-__all__ = ["KukaKrl"]

@@ -12,33 +12,3 @@ from postproc.gap.answers.outlook import Outlook, outlook
 from postproc.gap.answers.predict import Prediction, predict
 from postproc.gap.answers.summary import is_ambiguous, noise_like, noise_words, summary
 from postproc.gap.answers.where import Part, parts
-
-__all__ = [
-    "APPROACH",
-    "Along",
-    "Diagnosis",
-    "Kept",
-    "NextPose",
-    "Outlook",
-    "Part",
-    "Prediction",
-    "Reach",
-    "along",
-    "calibrated_urdf",
-    "certificate",
-    "diagnose",
-    "document",
-    "is_ambiguous",
-    "kept",
-    "last_set_up",
-    "model_file",
-    "next_poses",
-    "noise_like",
-    "noise_words",
-    "outlook",
-    "parts",
-    "predict",
-    "questions",
-    "reassessed",
-    "summary",
-]

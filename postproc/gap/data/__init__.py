@@ -18,21 +18,3 @@ from postproc.gap.data.loads import (
 )
 from postproc.gap.data.reference import reference_of
 from postproc.gap.data.split import Split, split
-
-__all__ = [
-    "COLUMN_NAMES",
-    "FADES",
-    "Arm",
-    "Samples",
-    "Split",
-    "carried_torque",
-    "column_functions",
-    "first_moment_torque",
-    "load_moment",
-    "make_samples",
-    "reference_of",
-    "samples_of",
-    "split",
-    "weight_moment",
-    "weight_torque",
-]

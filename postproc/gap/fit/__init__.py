@@ -16,34 +16,3 @@ from postproc.gap.fit.noise import LEAST, Noise, Source, gross_faults, noise_of
 from postproc.gap.fit.problem import WIDE, Problem, pose_problem, seen_in, testable
 from postproc.gap.fit.registration import moved_by
 from postproc.gap.fit.waves import HIGHEST, LOWEST, STANDING, Projection, Wave, find_waves
-
-__all__ = [
-    "HIGHEST",
-    "LEAST",
-    "LOWEST",
-    "STANDING",
-    "WIDE",
-    "Block",
-    "Fit",
-    "Free",
-    "Noise",
-    "Problem",
-    "Projection",
-    "Source",
-    "Wave",
-    "block_of",
-    "find_waves",
-    "fit",
-    "gross_faults",
-    "left_open",
-    "moved_by",
-    "moved_points",
-    "noise_of",
-    "pose_problem",
-    "register_loaded",
-    "seen_in",
-    "testable",
-    "unit_root",
-    "variance",
-    "without_blocks",
-]

@@ -16,34 +16,3 @@ from postproc.gap.posterior.names import CLOSE, Name, names_of
 from postproc.gap.posterior.prior import ODDS, Candidate, Sort, odds_of, of_effect
 from postproc.gap.posterior.residual import Dependence
 from postproc.gap.posterior.search import TEMPERATURE
-
-__all__ = [
-    "CLOSE",
-    "DECISIVE",
-    "ODDS",
-    "OUTWEIGHS",
-    "SMALLEST",
-    "TEMPERATURE",
-    "Candidate",
-    "Dependence",
-    "Designs",
-    "Group",
-    "Judged",
-    "Name",
-    "Named",
-    "Part",
-    "Posterior",
-    "Sort",
-    "all_rows",
-    "designs",
-    "frames_of",
-    "groups_of",
-    "judged",
-    "names_free",
-    "names_of",
-    "odds_of",
-    "of_effect",
-    "optimum",
-    "posterior",
-    "thinned",
-]

@@ -20,35 +20,12 @@ from postproc.planning.checks.feasible import (
     Verdict,
     poses_between,
 )
-from postproc.planning.checks.grade import CLOSE, NEAR, NEAR_BY, Grade, grade_counts, grades
+from postproc.planning.checks.grade import (
+    CLOSE,
+    NEAR,
+    Grade,
+    grade_counts,
+    grades,
+)
 from postproc.planning.checks.remedy import LEAD_OUT
 from postproc.planning.checks.working import moves_of_tags, near_solids, tag_clearances
-
-__all__ = [
-    "CLOSE",
-    "LARGEST_TURN",
-    "LEAD_OUT",
-    "LOWER",
-    "MORE_CLEARANCE",
-    "NEAR",
-    "NEAR_BY",
-    "RESOLUTION",
-    "Break",
-    "Checker",
-    "Evidence",
-    "Grade",
-    "Lines",
-    "Reason",
-    "Track",
-    "Verdict",
-    "explained",
-    "failure",
-    "gave_up",
-    "given_up",
-    "grade_counts",
-    "grades",
-    "moves_of_tags",
-    "near_solids",
-    "poses_between",
-    "tag_clearances",
-]

@@ -2,5 +2,3 @@
 
 from postproc.planning.external.join import travel_moves
 from postproc.planning.external.planner import plan_with_external_axes
-
-__all__ = ["plan_with_external_axes", "travel_moves"]

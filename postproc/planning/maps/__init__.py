@@ -6,20 +6,3 @@ from postproc.planning.maps.spin_curves import INDICES, SpinCurves, spin_curves,
 from postproc.planning.maps.spin_index import SpinIndex
 from postproc.planning.maps.spin_map import SpinClass, SpinMap, spin_map
 from postproc.planning.maps.tag_poses import TagPose, TagPoses
-
-__all__ = [
-    "INDICES",
-    "FailingPose",
-    "PlanMaps",
-    "SpinClass",
-    "SpinCurves",
-    "SpinIndex",
-    "SpinMap",
-    "TagPose",
-    "TagPoses",
-    "colliding_pose",
-    "plan_maps",
-    "spin_curves",
-    "spin_degrees",
-    "spin_map",
-]

@@ -4,18 +4,3 @@ from postproc.planning.route.drill import step_rows
 from postproc.planning.route.route import HOME, Gap, Route, has_ways, route
 from postproc.planning.route.speeds import ON_THE_SPOT, is_too_fast
 from postproc.planning.route.travel import MakeChecker, Travel, cell_at, travel_between
-
-__all__ = [
-    "HOME",
-    "ON_THE_SPOT",
-    "Gap",
-    "MakeChecker",
-    "Route",
-    "Travel",
-    "cell_at",
-    "has_ways",
-    "is_too_fast",
-    "route",
-    "step_rows",
-    "travel_between",
-]

@@ -23,11 +23,15 @@ from postproc.planning.states.place import (
     rounded_spin,
     spin_values,
     stand_ins,
-    transported,
 )
 from postproc.planning.states.postures import Postures, postures
 from postproc.planning.states.pricing import context_of, evaluate
-from postproc.planning.states.problem import HELD, Compliance, Problem, path_normals, stiffness_of
+from postproc.planning.states.problem import (
+    HELD,
+    Problem,
+    path_normals,
+    stiffness_of,
+)
 from postproc.planning.states.settings import PlanOptions, Settings, settle
 from postproc.planning.states.stroke import Strokes
 from postproc.planning.states.stroke_ends import StrokeEnds
@@ -43,58 +47,3 @@ from postproc.planning.states.tilt import (
     tilt_frames,
     tilt_grid,
 )
-
-__all__ = [
-    "BETWEEN",
-    "BRANCHES",
-    "HELD",
-    "NO_POSE",
-    "OBJECTIVES",
-    "REENTRY",
-    "TRAVEL",
-    "TRAVEL_UNIT",
-    "UPRIGHT",
-    "Chosen",
-    "Compliance",
-    "Moves",
-    "Objective",
-    "Placement",
-    "PlanOptions",
-    "Postures",
-    "Problem",
-    "Settings",
-    "StateContext",
-    "States",
-    "StrokeEnds",
-    "Strokes",
-    "Weights",
-    "beside_in_grid",
-    "context_of",
-    "cross_axes",
-    "cut_into",
-    "entered_anew",
-    "evaluate",
-    "feed_directions",
-    "frames_across",
-    "has_pose",
-    "in_order",
-    "leaves_tilt_range",
-    "merged",
-    "moves",
-    "path_normals",
-    "place",
-    "place_given",
-    "postures",
-    "rounded_spin",
-    "sample",
-    "sample_on",
-    "settle",
-    "spin_values",
-    "stand_ins",
-    "stiffness_of",
-    "strokes_into",
-    "take_joints",
-    "tilt_frames",
-    "tilt_grid",
-    "transported",
-]

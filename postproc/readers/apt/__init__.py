@@ -1,5 +1,3 @@
 """APT/CL of the CAM systems."""
 
 from postproc.readers.apt import reader
-
-__all__ = ["reader"]

@@ -3,9 +3,3 @@
 from postproc.readers.csv import reader
 from postproc.readers.csv.arrays import holes_of
 from postproc.readers.csv.pins import read_pins
-
-__all__ = [
-    "holes_of",
-    "read_pins",
-    "reader",
-]

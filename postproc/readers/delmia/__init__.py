@@ -1,5 +1,3 @@
 """DELMIA robot tasks as XML."""
 
 from postproc.readers.delmia import reader
-
-__all__ = ["reader"]

@@ -10,18 +10,3 @@ from postproc.readers.text.blocks import (
 from postproc.readers.text.decimals import LARGEST, parse_number, parse_tokens
 from postproc.readers.text.faults import Faults, shortened
 from postproc.readers.text.spans import trim_end, trim_start
-
-__all__ = [
-    "LARGEST",
-    "Faults",
-    "TextBlock",
-    "check_line_length",
-    "check_text",
-    "last_line_end",
-    "parse_number",
-    "parse_tokens",
-    "shortened",
-    "text_blocks",
-    "trim_end",
-    "trim_start",
-]

@@ -11,17 +11,3 @@ from postproc.stiffness.identify.observability import (
     showing_load,
     shown_text,
 )
-
-__all__ = [
-    "TYPICAL_C",
-    "Identification",
-    "IdentifyOptions",
-    "Observability",
-    "ShowingLoad",
-    "identify",
-    "identify_document",
-    "observe",
-    "showing_load",
-    "shown_text",
-    "warnings",
-]

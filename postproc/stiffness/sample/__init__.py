@@ -21,24 +21,3 @@ from postproc.stiffness.sample.sampling import (
     reachable,
     travel_order,
 )
-
-__all__ = [
-    "TRACKER_SIGMA",
-    "Load",
-    "SampleRequest",
-    "Sampling",
-    "SamplingPlan",
-    "SamplingRules",
-    "best_orientation",
-    "box_grid",
-    "choose",
-    "csv_text",
-    "expected_compliance",
-    "features",
-    "largest_force",
-    "load_regressors",
-    "plan_sampling",
-    "reachable",
-    "sample_document",
-    "travel_order",
-]

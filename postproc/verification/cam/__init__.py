@@ -49,5 +49,3 @@ CHECKS: tuple[Callable[[Run, Match], Iterator[Said]], ...] = (
     check_surplus,
     check_dwells,
 )
-
-__all__ = ["CHECKS", "Match", "Tolerances", "leads_in", "match_of"]
