@@ -19,6 +19,11 @@ from postproc.gap.posterior.prior import LOG_SCALES, Candidate, log_half_cauchy
 from postproc.records import dataclass
 
 _STEPS = 25
+_NEARLY = 3e-6
+"""What a step may bring, over the evidence, that is taken without a look at what it brought."""
+_LONGEST = 2.0
+"""Step of a log scale in which the curvature may change its sign."""
+_FLAT = 1e-9
 _LOG_SCALE_BOUNDS = (-6.0, 6.0)
 _LOG_NOISE_BOUNDS = (-16.0, -2.0)
 _LEAST_FREE = 0.2
@@ -46,6 +51,13 @@ class NoisePrior:
             return 0.0, 0.0
         ratio = float(np.exp(-2.0 * apart))
         return -0.5 * self.freedom * (ratio - 1.0 + 2.0 * apart), self.freedom * (ratio - 1.0)
+
+    def curvature(self, log_sigma: float) -> float:
+        """Return the second derivative of the log density."""
+        if self.freedom <= 0.0:
+            return -1.0 / self.spread**2
+        apart = log_sigma - float(np.log(self.sigma))
+        return 0.0 if apart >= 0.0 else -2.0 * self.freedom * float(np.exp(-2.0 * apart))
 
 
 @dataclass(slots=True)
@@ -166,8 +178,6 @@ def optimum(
         first: start of scales by key, before that.
         held: the scales stay as they start; only the noise is sought.
     """
-    from scipy.optimize import minimize
-
     keys = tuple(keys)
     parts = [equations.by_key[k] for k in keys]
     _, H, b = equations.among(keys)
@@ -186,16 +196,21 @@ def optimum(
     group = np.concatenate(scale).astype(np.int32)
     sigma = noise.sigma if start is None else start.sigma
     problem = _Problem(H, b, equations.square, equations.readings, group, base, noise)
-    x = np.array([*x0, np.log(sigma)])
-    found = minimize(
-        problem.descent,
-        x,
-        jac=True,
-        method="L-BFGS-B",
-        bounds=[*([(v, v) for v in x0] if held else [_LOG_SCALE_BOUNDS] * base), _LOG_NOISE_BOUNDS],
-        options={"maxiter": _STEPS, "maxfun": 3 * _STEPS, "ftol": 3e-6},
-    )
-    return problem.result(np.asarray(found.x), keys, parts)
+    scales = [(v, v) for v in x0] if held else [_LOG_SCALE_BOUNDS] * base
+    bounds = np.array([*scales, _LOG_NOISE_BOUNDS])
+    return problem.result(problem.climbed(np.array([*x0, np.log(sigma)]), bounds), keys, parts)
+
+
+@dataclass(frozen=True, slots=True)
+class _Solved:
+    """Log evidence, its slope, u (p,), inverse of B (p, p), square of the rest, D (p,)."""
+
+    value: float
+    slope: FloatArray
+    u: FloatArray
+    inverse: FloatArray
+    left: float
+    D: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,15 +225,53 @@ class _Problem:
     groups: int
     noise: NoisePrior
 
-    def descent(self, x: FloatArray) -> tuple[float, FloatArray]:
-        """Return minus the log evidence, and its slope."""
-        value, slope, *_ = self.solved(x)
-        return -value, -slope
+    def climbed(self, x: FloatArray, bounds: FloatArray) -> FloatArray:
+        """Return where the log evidence is highest within bounds (k, 2), by Newton steps."""
+        x = np.clip(x, bounds[:, 0], bounds[:, 1])
+        here, damping = self.solved(x), 0.0
+        for _ in range(_STEPS):
+            pushed = np.where(here.slope > 0.0, bounds[:, 1], bounds[:, 0])
+            free = np.flatnonzero(x != pushed)
+            curved, turns = np.linalg.eigh(-self.curvature(x, here)[np.ix_(free, free)])
+            slope = turns.T @ here.slope[free]
+            while True:
+                # a saddle is left as a summit of the same curvature is reached
+                step = turns @ (slope / (np.maximum(np.abs(curved), _FLAT) + damping))
+                long = np.max(np.abs(step), initial=0.0)
+                step *= min(1.0, _LONGEST / max(long, _FLAT))
+                there = x.copy()
+                there[free] += step
+                there = np.clip(there, bounds[:, 0], bounds[:, 1])
+                close = _NEARLY * max(abs(here.value), 1.0)
+                if float(here.slope @ (there - x)) < close:
+                    return there
+                tried = self.solved(there)
+                if tried.value >= here.value:
+                    break
+                damping = max(4.0 * damping, 1.0)
+            x, here, damping = there, tried, 0.25 * damping if damping > 1.0 else 0.0
+        return x
 
-    def solved(
-        self, x: FloatArray
-    ) -> tuple[float, FloatArray, FloatArray, FloatArray, float, FloatArray]:
-        """Return log evidence, slope, u (p,), inverse of B (p, p), square of the rest, D (p,)."""
+    def curvature(self, x: FloatArray, at: _Solved) -> FloatArray:
+        """Return the second derivatives (k, k) of the log evidence by log scales and log noise."""
+        M, u, Mu = at.inverse, at.u, at.inverse @ at.u
+        own, squares = np.diag(M), np.sum(M * M, axis=0)
+        member = (self.group[:, None] == np.arange(self.groups)).astype(float)
+        found = np.zeros((len(x), len(x)))
+        pairs = 2.0 * M * M + 4.0 * np.outer(u, u) * M
+        found[:-1, :-1] = member.T @ pairs @ member
+        t2 = np.exp(2.0 * x[:-1])
+        single = member.T @ (2.0 * u**2 + 2.0 * own) + 4.0 * t2 / (1.0 + t2) ** 2
+        found[:-1, :-1] -= np.diag(single)
+        found[-1, :-1] = found[:-1, -1] = member.T @ (2.0 * (own - squares) - 4.0 * u * Mu)
+        found[-1, -1] = 4.0 * float(u @ Mu) - 2.0 * at.left * float(np.exp(-2.0 * x[-1]))
+        if self.readings - np.sum(1.0 - own) > _LEAST_FREE * self.readings:
+            found[-1, -1] -= 2.0 * float(np.sum(own - squares))
+        found[-1, -1] += self.noise.curvature(float(x[-1]))
+        return found
+
+    def solved(self, x: FloatArray) -> _Solved:
+        """Return log evidence, its slope and what it is made of at log scales and log noise."""
         from scipy.linalg.lapack import dpotrf, dpotri
 
         sigma2 = float(np.exp(2.0 * x[-1]))
@@ -227,15 +280,15 @@ class _Problem:
         D[free] = np.exp(x[self.group[free]])
         B = (D[:, None] * self.H * D) / sigma2
         B.flat[:: len(B) + 1] += 1.0
+        half_log_det, inverse = 0.0, B
         if len(B):
             L, failed = dpotrf(B, lower=1)
             if failed:
                 raise np.linalg.LinAlgError("the products of the columns are not positive")
             half_log_det = float(np.sum(np.log(np.diag(L))))
-            inverse = dpotri(L, lower=1)[0]
-            inverse = np.tril(inverse) + np.tril(inverse, -1).T
-        else:
-            half_log_det, inverse = 0.0, B
+            half = dpotri(L, lower=1, overwrite_c=1)[0]
+            inverse = half + half.T
+            inverse.flat[:: len(B) + 1] *= 0.5
         v = D * self.b / sigma2
         u = inverse @ v
         theta = D * u
@@ -254,11 +307,12 @@ class _Problem:
         slope[-1] = left / sigma2 - free_left
         prior, prior_slope = self.noise.value(float(x[-1]))
         slope[-1] += prior_slope
-        return value + prior, slope, u, inverse, left, D
+        return _Solved(value + prior, slope, u, inverse, left, D)
 
     def result(self, x: FloatArray, keys: tuple[str, ...], parts: Sequence[Candidate]) -> Optimum:
         """Return the optimum at log scales and log noise."""
-        value, _, u, inverse, left, D = self.solved(x)
+        at = self.solved(x)
+        value, u, inverse, left, D = at.value, at.u, at.inverse, at.left, at.D
         seen = 1.0 - np.diag(inverse)
         free = self.group >= 0
         # volume of each scale about its optimum, as far as its numbers are seen
