@@ -17,7 +17,7 @@ from postproc.cell import Cell
 from postproc.errors import DataError
 from postproc.gap.data import Arm, Samples, make_samples, reference_of
 from postproc.gap.effect import EFFECTS, Basis, Effect, Setting, State
-from postproc.geometry import apply, inverse, rotation_from_vector
+from postproc.geometry import apply, inverse, rotation_from_vector, skew
 from postproc.kinematics import Kinematics
 from postproc.measurement import tool_points
 from postproc.model import ModelFile, Reach, Registration
@@ -109,9 +109,8 @@ def _link_columns(samples: Samples, link: FloatArray) -> FloatArray:
         if not bool(np.any(part[0])) and not bool(np.any(part)):
             continue
         R, origin = samples.frames[:, k, :3, :3], samples.frames[:, k, :3, 3]
-        lever = (samples.point - origin)[:, :, None]
-        turn, shift = R @ part[:, :3], R @ part[:, 3:]
-        total += shift + np.cross(turn, lever, axis=1)
+        lever = skew(samples.point - origin)
+        total += R @ part[:, 3:] - lever @ (R @ part[:, :3])
     return total
 
 

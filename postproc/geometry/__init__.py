@@ -26,6 +26,7 @@ from postproc.geometry.frames import (
     rotation_x,
     rotation_y,
     rotation_z,
+    skew,
     slerp,
     transform,
     transform_from_kuka,

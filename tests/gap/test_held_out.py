@@ -5,7 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from postproc.gap.posterior.evidence import Equations, Optimum, held_out, left_out
+from postproc.gap.posterior.evidence import Optimum, held_out, left_out
+from postproc.gap.posterior.products import Equations
 
 SIGMA, LOADED = 1e-5, 1
 """Noise [m] of a good tracker, and the label of the only rows that see the last number."""
@@ -49,7 +50,7 @@ def test_a_number_that_only_the_rows_left_out_see_does_no_harm(seed):
         )
         for k in range(3)
     ]
-    got = held_out(equations, at, ["give"], label)
+    got = held_out(equations, at, {"give": ["give"]}, label)["give"]
     size = np.sum(missed(equations, at, label, LOADED, frames) ** 2)
     np.testing.assert_allclose(got, expected, atol=1e-6 * size)
     square = sum(np.sum(missed(equations, at, label, k, every) ** 2) for k in range(3))

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from postproc.arrays import FloatArray, IntArray, Rows
 from postproc.errors import DataError
 from postproc.gap.data.reference import ArmReference
-from postproc.geometry import apply, inverse
+from postproc.geometry import apply, inverse, skew
 from postproc.kinematics import Kinematics
 from postproc.measurement import MeasurementSet, SetUps, points_of_rows
 from postproc.records import dataclass
@@ -50,6 +50,22 @@ class Arm:
     tools: Mapping[str, FloatArray] = field(default_factory=dict)
     sees_tool: bool = False
 
+    _constants: tuple[FloatArray, FloatArray, FloatArray] = field(
+        init=False, repr=False, compare=False
+    )
+
+    def __post_init__(self) -> None:
+        """Find what does not depend on the pose."""
+        F = np.asarray(self.kinematics.link_frames(np.zeros(6)))
+        steps = inverse(F[:6]) @ F[1:]
+        T_6_flange = inverse(F[6]) @ self.kinematics.fk(np.zeros(6))
+        origins = np.vstack([steps[:, :3, 3], apply(T_6_flange, self.p_flange_point)[None]])
+        next_axis = np.einsum("kij,kj->ki", steps[:, :3, :3], self.kinematics.chain.axes)
+        found = origins, next_axis, T_6_flange
+        for values in found:
+            values.flags.writeable = False
+        object.__setattr__(self, "_constants", found)
+
     def link_constants(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return what does not depend on the pose.
 
@@ -57,17 +73,14 @@ class Arm:
             next_origin (7, 3): origin of frame k+1 in frame k (the last: the measured point);
             next_axis (6, 3): axis of joint k+1 in frame k; R_6_flange (3, 3).
         """
-        frames, flange, axes = _geometry(self, np.zeros((1, 6)))
-        F = frames[0]
-        origins = np.zeros((7, 3))
-        next_axis = np.zeros((6, 3))
-        for k in range(6):
-            T_k_next = inverse(F[k]) @ F[k + 1]
-            origins[k] = T_k_next[:3, 3]
-            next_axis[k] = F[k, :3, :3].T @ axes[0, :, k]
-        T_6_flange = inverse(F[6]) @ flange[0]
-        origins[6] = apply(T_6_flange, self.p_flange_point)
+        origins, next_axis, T_6_flange = self._constants
         return origins, next_axis, T_6_flange[:3, :3]
+
+    def geometry(self, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return frames (n, 7, 4, 4), flange (n, 4, 4) and joint axes (n, 3, 6), robroot."""
+        frames = np.asarray(self.kinematics.link_frames(q))
+        axes = frames[:, 1:, :3, :3] @ self.kinematics.chain.axes[:, :, None]
+        return frames, frames[:, 6] @ self._constants[2], np.swapaxes(axes[..., 0], 1, 2)
 
     @property
     def reach(self) -> float:
@@ -140,7 +153,7 @@ class Samples:
 
     def at(self, q: FloatArray) -> Samples:
         """Return the same rows in another pose."""
-        frames, flange, axes = _geometry(self.arm, q)
+        frames, flange, axes = self.arm.geometry(q)
         seen = self.arm.p_flange_point if self.seen is None else self.seen
         loaded = self.arm.p_flange_load if self.loaded is None else self.loaded
         point, load = (apply(flange, p) for p in (seen, loaded))
@@ -184,8 +197,9 @@ class Samples:
 
     def _motion_of(self, point: FloatArray) -> FloatArray:
         """Return (n, 3, 6) the motion of points (n, 3) of the tool per joint angle [m/rad]."""
-        arm = point[:, None, :] - self.frames[:, 1:, :3, 3]
-        return np.asarray(np.swapaxes(np.cross(np.swapaxes(self.axes, 1, 2), arm), 1, 2))
+        lever = np.moveaxis(point[:, None, :] - self.frames[:, 1:, :3, 3], -1, 0)
+        (ax, ay, az), (x, y, z) = np.moveaxis(self.axes, 1, 0), lever
+        return np.stack([ay * z - az * y, az * x - ax * z, ax * y - ay * x], axis=1)
 
     def weight_torque(self, points: FloatArray, link: int) -> FloatArray:
         """Return (n, 6) the torque per kilogram of masses at ``points`` on the joints [N*m/kg].
@@ -195,7 +209,9 @@ class Samples:
             link: 1..6, the link that carries the mass; joints beyond it feel nothing.
         """
         lever = points[:, None, :] - self.frames[:, 1:, :3, 3]
-        torque = np.einsum("nij,nji->nj", self.axes, np.cross(lever, self.arm.reference.gravity))
+        # lever x gravity
+        moment = lever @ skew(self.arm.reference.gravity)
+        torque = np.einsum("nij,nji->nj", self.axes, moment)
         torque[:, link:] = 0.0
         return np.asarray(torque)
 
@@ -203,7 +219,7 @@ class Samples:
 def make_samples(arm: Arm, q: FloatArray, **columns: Any) -> Samples:  # noqa: ANN401
     """Return samples at joint angles (n, 6) [rad] with the columns that were logged."""
     q = np.asarray(q, dtype=np.float64)
-    frames, flange, axes = _geometry(arm, q)
+    frames, flange, axes = arm.geometry(q)
     point, load = (apply(flange, p) for p in (arm.p_flange_point, arm.p_flange_load))
     time = columns.get("time")
     course = np.arange(len(q), dtype=np.float64) if time is None else np.asarray(time)
@@ -248,15 +264,6 @@ def samples_of(arm: Arm, measured: MeasurementSet) -> Samples:
         temperature=measured.temperature,
         extra=measured.extra,
     )
-
-
-def _geometry(arm: Arm, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return frames (n, 7, 4, 4), flange (n, 4, 4) and joint axes (n, 3, 6), robroot."""
-    kin = arm.kinematics
-    frames = np.asarray(kin.link_frames(q))
-    flange = np.asarray(kin.fk(q))
-    axes = np.asarray(kin.jacobian(q))[:, 3:, :]
-    return frames, flange, axes
 
 
 def column_functions(values: ArrayLike) -> FloatArray:

@@ -8,7 +8,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.gap.data.dataset import Samples
-from postproc.geometry import apply
+from postproc.geometry import apply, skew
 
 
 def weight_torque(samples: Samples) -> FloatArray:
@@ -20,7 +20,7 @@ def weight_torque(samples: Samples) -> FloatArray:
         moment[:, : link + 1] += mass[link] * com[:, None]
     carried = np.cumsum(mass[::-1])[::-1]
     moment -= carried[:, None] * samples.frames[:, 1:, :3, 3]
-    torque = np.einsum("nij,nji->nj", samples.axes, np.cross(moment, reference.gravity))
+    torque = np.einsum("nij,nji->nj", samples.axes, moment @ skew(reference.gravity))
     return np.asarray(torque)
 
 
@@ -32,7 +32,7 @@ def first_moment_torque(samples: Samples, R: FloatArray, link: int) -> FloatArra
         R: (n, 3, 3) axes of the moment, in robroot.
         link: 1..6, the link that carries the mass.
     """
-    pull = np.cross(np.swapaxes(R, 1, 2), samples.arm.reference.gravity)
+    pull = np.swapaxes(R, 1, 2) @ skew(samples.arm.reference.gravity)
     torque = np.swapaxes(samples.axes, 1, 2) @ np.swapaxes(pull, 1, 2)
     torque[:, link:] = 0.0
     return np.asarray(torque)
@@ -56,5 +56,5 @@ def weight_moment(samples: Samples, at: FloatArray, links: Iterable[int]) -> Flo
     moment = np.zeros((len(samples), 3))
     for link in links:
         com = apply(samples.frames[:, link], reference.link_com[link - 1])
-        moment += np.cross(com - at, reference.link_mass[link - 1] * reference.gravity)
+        moment += (com - at) @ skew(reference.link_mass[link - 1] * reference.gravity)
     return moment

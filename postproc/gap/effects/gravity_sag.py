@@ -7,6 +7,7 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.gap.data import Samples, first_moment_torque, weight_torque
 from postproc.gap.effect import Basis, Effect, Parameter, Setting, diagonal, per_joint, register
+from postproc.geometry import skew
 
 _UNLIKE = 0.2
 """How far masses and stiffness of an arm differ from the reference beside a common factor, in
@@ -59,9 +60,8 @@ class GravitySag(Effect):
         for column, (axis, lever) in enumerate(
             ((1, upper), (1, along), (1, across), (2, across)), start=6
         ):
-            turn = np.einsum(
-                "ni,ni->n", samples.axes[:, :, axis], np.cross(lever, reference.gravity)
-            )
+            moment = lever @ skew(reference.gravity)
+            turn = np.einsum("ni,ni->n", samples.axes[:, :, axis], moment)
             joint[:, axis, column] = turn * self._moment(samples) * reference.c_joint[axis]
         for column, link in ((10, 4), (13, 5)):
             wrist = self._wrist(samples, link) * reference.c_joint[:, None]

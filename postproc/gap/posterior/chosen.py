@@ -30,7 +30,7 @@ from postproc.gap.fit import (
     unit_root,
 )
 from postproc.gap.posterior.classes import groups_of, moments_of
-from postproc.gap.posterior.evidence import Equations, NoisePrior, Optimum
+from postproc.gap.posterior.evidence import NoisePrior, Optimum
 from postproc.gap.posterior.likelihood import (
     Linearised,
     candidates_of,
@@ -39,6 +39,7 @@ from postproc.gap.posterior.likelihood import (
     student,
 )
 from postproc.gap.posterior.prior import LOW_ORDER, Candidate, Sort, of_group, wander
+from postproc.gap.posterior.products import Equations
 from postproc.gap.posterior.search import Search, Subset, search
 from postproc.gap.robot_model import effect_of, evaluate
 from postproc.measurement import robust_sigma

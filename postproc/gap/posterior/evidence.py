@@ -10,12 +10,12 @@ nats for any other.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import field
 
 import numpy as np
 
 from postproc.arrays import FloatArray, IntArray
-from postproc.gap.posterior.prior import LOG_SCALES, Candidate, log_half_cauchy
+from postproc.gap.posterior.prior import Candidate, log_half_cauchy
+from postproc.gap.posterior.products import Equations
 from postproc.records import dataclass
 
 _STEPS = 25
@@ -58,74 +58,6 @@ class NoisePrior:
             return -1.0 / self.spread**2
         apart = log_sigma - float(np.log(self.sigma))
         return 0.0 if apart >= 0.0 else -2.0 * self.freedom * float(np.exp(-2.0 * apart))
-
-
-@dataclass(slots=True)
-class Equations:
-    """Products of the columns of all candidates on weighted rows, made when they are asked for.
-
-    A: (m, K) columns; z: (m,) gap; both in metres times the root of the row's relative weight;
-    row: (m,) number of the row of each reading.
-    """
-
-    candidates: Sequence[Candidate]
-    A: FloatArray
-    z: FloatArray
-    row: IntArray
-    slices: Mapping[str, slice] = field(default_factory=dict)
-    by_key: Mapping[str, Candidate] = field(default_factory=dict)
-    _cross: dict[str, FloatArray] = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, candidates: Sequence[Candidate], z: FloatArray, root: FloatArray) -> Equations:
-        """Return the products.
-
-        Args:
-            candidates: with columns (n, 3, k) [m].
-            z: (n, 3) gap [m].
-            root: (n, 3, 3) root of the relative weight of each row; 0 leaves a row out.
-        """
-        use = np.flatnonzero(np.any(root != 0.0, axis=(1, 2)))
-        nothing = np.zeros((len(use), 3, 0))
-        X = np.concatenate([nothing, *(c.X[use] for c in candidates)], axis=2)
-        A = (root[use] @ X).reshape(3 * len(use), -1)
-        flat = np.einsum("nij,nj->ni", root[use], z[use]).ravel()
-        slices, start = {}, 0
-        for c in candidates:
-            slices[c.key] = slice(start, start + c.X.shape[2])
-            start += c.X.shape[2]
-        row = np.repeat(use, 3).astype(np.int32)
-        read = np.any(root[use] != 0.0, axis=2).ravel()
-        by_key = {c.key: c for c in candidates}
-        return cls(candidates, A[read], flat[read], row[read], slices, by_key)
-
-    @property
-    def readings(self) -> int:
-        """How many numbers were read."""
-        return len(self.z)
-
-    @property
-    def square(self) -> float:
-        """Square of the gap [m^2]."""
-        return float(self.z @ self.z)
-
-    def cross(self, key: str) -> FloatArray:
-        """Return the products (K + 1, k) of all columns and the gap with those of one candidate."""
-        if key not in self._cross:
-            own = self.A[:, self.slices[key]]
-            self._cross[key] = np.vstack([self.A.T @ own, (self.z @ own)[None]])
-        return self._cross[key]
-
-    def among(self, keys: Sequence[str]) -> tuple[IntArray, FloatArray, FloatArray]:
-        """Return columns (p,), products (p, p) and products with the gap (p,) of candidates."""
-        index = np.concatenate(
-            [np.arange(s.start, s.stop) for s in (self.slices[k] for k in keys)]
-            or [np.zeros(0, dtype=np.int64)]
-        ).astype(np.int32)
-        if not len(keys):
-            return index, np.zeros((0, 0)), np.zeros(0)
-        whole = np.concatenate([self.cross(k) for k in keys], axis=1)
-        return index, whole[index], whole[-1]
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,7 +135,10 @@ def optimum(
 
 @dataclass(frozen=True, slots=True)
 class _Solved:
-    """Log evidence, its slope, u (p,), inverse of B (p, p), square of the rest, D (p,)."""
+    """Log evidence, its slope, u (p,), inverse of B (p, p), square of the rest, D (p,).
+
+    quadratic: square of the gap in the whole covariance.
+    """
 
     value: float
     slope: FloatArray
@@ -211,6 +146,7 @@ class _Solved:
     inverse: FloatArray
     left: float
     D: FloatArray
+    quadratic: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -307,120 +243,45 @@ class _Problem:
         slope[-1] = left / sigma2 - free_left
         prior, prior_slope = self.noise.value(float(x[-1]))
         slope[-1] += prior_slope
-        return _Solved(value + prior, slope, u, inverse, left, D)
+        return _Solved(value + prior, slope, u, inverse, left, D, quadratic)
 
     def result(self, x: FloatArray, keys: tuple[str, ...], parts: Sequence[Candidate]) -> Optimum:
         """Return the optimum at log scales and log noise."""
-        at = self.solved(x)
-        value, u, inverse, left, D = at.value, at.u, at.inverse, at.left, at.D
-        seen = 1.0 - np.diag(inverse)
-        free = self.group >= 0
-        # volume of each scale about its optimum, as far as its numbers are seen
-        if self.groups:
-            determined = np.bincount(self.group[free], seen[free], minlength=self.groups)
-            value += float(np.sum(0.5 * np.log(2.0 * np.pi / (2.0 * determined + 1.0))))
-        scales, at = {}, 0
+        at, free = self.solved(x), self.group >= 0
+        seen = 1.0 - np.diag(at.inverse)
+        scales, start = {}, 0
         for part in parts:
             if not part.fixed:
-                scales[part.key] = np.asarray(x[at : at + part.families])
-                at += part.families
-        taken = float(np.sum(seen))
-        covariance = inverse * np.outer(D, D)
+                scales[part.key] = np.asarray(x[start : start + part.families])
+                start += part.families
         return Optimum(
             keys,
-            value,
+            at.value + volume(self.group[free], seen[free]),
             scales,
             float(np.exp(x[-1])),
-            D * u,
-            covariance,
-            D,
-            left,
-            max(self.readings - taken, _LEAST_FREE * self.readings),
-            self.square * float(np.exp(-2.0 * x[-1]))
-            - float((D * self.b * np.exp(-2.0 * x[-1])) @ u),
+            at.D * at.u,
+            at.inverse * np.outer(at.D, at.D),
+            at.D,
+            at.left,
+            max(self.readings - float(np.sum(seen)), _LEAST_FREE * self.readings),
+            at.quadratic,
         )
 
 
-def gains(equations: Equations, at: Optimum, noise: NoisePrior) -> dict[str, tuple[float, float]]:
-    """Return by candidate outside of a set what it would bring there [nats], and its log scale.
-
-    Scales of the set stay, the noise falls as far as it may; what the candidate brings is summed
-    over its own scale.
-    """
-    from scipy.linalg import solve_triangular
-
-    inside = list(at.keys)
-    s2 = at.sigma**2
-    index, H, b = equations.among(inside)
-    out = [c for c in equations.candidates if c.key not in at.keys]
-    if len(index):
-        B = H / s2 + np.diag(at.deviation**-2)
-        L = np.linalg.cholesky(B)
-        whole = np.concatenate([equations.cross(k) for k in inside], axis=1)[:-1] / s2
-        V = solve_triangular(L, whole.T, lower=True)
-        w = solve_triangular(L, b / s2, lower=True)
-    else:
-        V, w = np.zeros((0, equations.A.shape[1])), np.zeros(0)
-    weight = log_half_cauchy(LOG_SCALES) + np.log(LOG_SCALES[1] - LOG_SCALES[0])
-    floor = min(noise.sigma / at.sigma, 1.0) ** 2 if noise.freedom > 0.0 else 0.0
-    by_size: dict[int, list[str]] = {}
-    for c in out:
-        by_size.setdefault(c.X.shape[2], []).append(c.key)
-    found: dict[str, tuple[float, float]] = {}
-    for keys in by_size.values():
-        A, y = [], []
-        for key in keys:
-            part = equations.slices[key]
-            own, mine = _own(equations, key)
-            A.append(own / s2 - V[:, part].T @ V[:, part])
-            y.append(mine / s2 - V[:, part].T @ w)
-        each = _brought(np.array(A), np.array(y), at, equations.readings, floor)
-        summed = each + weight
-        top = summed.max(axis=1)
-        value = top + np.log(np.sum(np.exp(summed - top[:, None]), axis=1))
-        scale = LOG_SCALES[np.argmax(each, axis=1)]
-        found |= dict(zip(keys, zip(value.tolist(), scale.tolist(), strict=True), strict=True))
-    return found
-
-
-def _brought(A: FloatArray, y: FloatArray, at: Optimum, readings: int, floor: float) -> FloatArray:
-    """Return what candidates bring at each scale (m, t) [nats].
+def volume(family: IntArray, seen: FloatArray) -> float:
+    """Return the logarithm of the volume of each scale about its optimum, summed [nats].
 
     Args:
-        A: (m, k, k) products of what the set leaves of their columns, in its noise.
-        y: (m, k) the same with the gap.
-        at: the set.
-        readings: how many.
-        floor: least variance of the noise, over that of the set.
+        family: (p,) 0.. of numbers that share a scale.
+        seen: (p,) how far the rows tell each number, 0..1.
     """
-    values, vectors = np.linalg.eigh(A)
-    values = np.maximum(values, 0.0)[:, None]
-    y2 = np.einsum("mkj,mk->mj", vectors, y)[:, None] ** 2
-    t2 = np.exp(2.0 * LOG_SCALES)[None, :, None]
-    square = np.sum(y2 * t2 / (1.0 + t2 * values), axis=2)
-    left = np.maximum(at.quadratic - square, 1e-6 * at.quadratic)
-    variance = np.clip(left / at.quadratic, floor, 1.0)
-    value = 0.5 * (at.quadratic - left / variance) - 0.5 * readings * np.log(variance)
-    return np.asarray(value - 0.5 * np.sum(np.log1p(t2 * values), axis=2))
-
-
-def _own(equations: Equations, key: str) -> tuple[FloatArray, FloatArray]:
-    """Return the products (k, k) of a candidate's columns, and those with the gap (k,)."""
-    known = equations._cross.get(key)
-    part = equations.slices[key]
-    if known is not None:
-        return known[part], known[-1]
-    cache = equations._cross
-    short = f"own {key}"
-    if short not in cache:
-        A = equations.A[:, part]
-        cache[short] = np.vstack([A.T @ A, (equations.z @ A)[None]])
-    return cache[short][:-1], cache[short][-1]
+    determined = np.bincount(family, seen)
+    return float(np.sum(0.5 * np.log(2.0 * np.pi / (2.0 * determined + 1.0))))
 
 
 def held_out(
-    equations: Equations, at: Optimum, without: Sequence[str], label: IntArray
-) -> FloatArray:
+    equations: Equations, at: Optimum, without: Mapping[str, Sequence[str]], label: IntArray
+) -> dict[str, FloatArray]:
     """Return what some candidates bring on each part of the rows, fitted to the others (k,) [nats].
 
     Half the fall of the squared misfit over the noise of the set that they are of.
@@ -428,23 +289,29 @@ def held_out(
     Args:
         equations: products.
         at: a set at its optimum; its scales stay.
-        without: keys of the set that are judged.
+        without: keys of the set that are judged together, by a name of theirs.
         label: (n,) 0..k-1 of the rows; -1: of none.
     """
     index = equations.among(at.keys)[0]
     A, z = equations.A[:, index] / at.sigma, equations.z / at.sigma
-    stays = np.ones(len(index), dtype=bool)
-    for key in without:
-        stays[at.part(equations, key)] = False
-    found = np.zeros(int(label.max(initial=-1)) + 1)
+    every = np.arange(len(index))
+    gone = {
+        name: np.concatenate([every[:0], *(every[at.part(equations, key)] for key in keys)])
+        for name, keys in without.items()
+    }
+    found = {name: np.zeros(int(label.max(initial=-1)) + 1) for name in without}
     for k, P, q, others, told in _without_each(A, z, at.deviation**-2, label[equations.row]):
         if k < 0:
             continue
-        left = []
-        for use in (stays, np.ones(len(index), dtype=bool)):
-            theta = np.linalg.solve(others[np.ix_(use, use)], told[use])
-            left.append(float(np.sum((q - P[:, use] @ theta) ** 2)))
-        found[k] = 0.5 * (left[0] - left[1])
+        covariance = np.linalg.inv(others)
+        theta = covariance @ told
+        rest = q - P @ theta
+        for name, part in gone.items():
+            # these numbers at zero, all others where that moves them
+            moved = covariance[:, part] @ np.linalg.solve(
+                covariance[np.ix_(part, part)], theta[part]
+            )
+            found[name][k] = 0.5 * float(np.sum((rest + P @ moved) ** 2) - np.sum(rest**2))
     return found
 
 

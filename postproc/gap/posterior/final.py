@@ -26,11 +26,12 @@ from postproc.gap.fit import (
 )
 from postproc.gap.posterior.chosen import free_of
 from postproc.gap.posterior.classes import groups_of
-from postproc.gap.posterior.evidence import Equations, optimum
+from postproc.gap.posterior.evidence import optimum
 from postproc.gap.posterior.gates import Judged
 from postproc.gap.posterior.likelihood import Linearised, row_roots, student
 from postproc.gap.posterior.names import Name
 from postproc.gap.posterior.prior import Candidate, Sort, of_effect, of_group, wander
+from postproc.gap.posterior.products import Equations
 from postproc.gap.robot_model import evaluate
 from postproc.measurement import robust_sigma
 from postproc.records import dataclass

@@ -21,15 +21,10 @@ from postproc.gap.fit import Noise, Projection
 from postproc.gap.posterior.chosen import Posterior
 from postproc.gap.posterior.classes import LOUD, Part, groups_of, wandering
 from postproc.gap.posterior.designs import Designs, designs
-from postproc.gap.posterior.evidence import (
-    Equations,
-    Optimum,
-    held_out,
-    left_out,
-    optimum,
-)
+from postproc.gap.posterior.evidence import Optimum, held_out, left_out, optimum
 from postproc.gap.posterior.names import Name, names_of, unique_part
 from postproc.gap.posterior.prior import Candidate, Sort, of_group
+from postproc.gap.posterior.products import Equations
 from postproc.gap.posterior.residual import Dependence, dependences
 from postproc.gap.posterior.search import Subset, climbed, explored, search
 from postproc.records import dataclass
@@ -314,16 +309,14 @@ def _held(
     for key in at.keys:
         if of.candidate(key).sort not in (Sort.FRAME, Sort.WANDER):
             by_name.setdefault(of.candidate(key).name, []).append(key)
-    found = {}
-    for name, keys in by_name.items():
-        most, least = np.inf, np.inf
-        for label, strict in divisions:
-            gains = held_out(of.search.equations, at, keys, label.label)
+    found = dict.fromkeys(by_name, (np.inf, np.inf))
+    for label, strict in divisions:
+        for name, gains in held_out(of.search.equations, at, by_name, label.label).items():
             total, error = float(gains.sum()), float(np.std(gains) * np.sqrt(len(gains)))
             harm = strict and float(gains.min()) < -max(_HARM, _HARM_SHARE * total)
+            most, least = found[name]
             most = min(most, float(gains.min()) if harm else total + error)
-            least = min(least, total - error)
-        found[name] = (most, least)
+            found[name] = (most, min(least, total - error))
     return found
 
 
@@ -332,8 +325,8 @@ def _elsewhere(of: Posterior, result: Judged) -> dict[str, dict[str, float]]:
     label = designs(of.problem.samples, of.problem.measurements.group).rows(of.at.index)
     if len(label) < 2:
         return {}
-    found = {}
-    for name in result.adopted:
-        gains = held_out(of.search.equations, result.whole, name.keys, label.label)
-        found[name.name] = dict(zip(label.names, gains.tolist(), strict=False))
-    return found
+    keys = {name.name: name.keys for name in result.adopted}
+    told = held_out(of.search.equations, result.whole, keys, label.label)
+    return {
+        name: dict(zip(label.names, gains.tolist(), strict=False)) for name, gains in told.items()
+    }

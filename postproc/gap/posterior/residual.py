@@ -18,6 +18,8 @@ from postproc.records import dataclass
 
 _PERMUTATIONS = 199
 _SEED = 7
+_NEAREST = 4
+"""Neighbours of a pose that its residual is held against."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,7 +160,7 @@ def _neighbours(
     distance = square[:, None] + square - 2.0 * feature @ feature.T
     np.fill_diagonal(distance, np.inf)
     distance[distance < 1e-9] = np.inf
-    near = np.argsort(distance, axis=1)[:, :4]
+    near = np.argpartition(distance, _NEAREST, axis=1)[:, :_NEAREST]
     mean = rest[near].mean(axis=1)
     seen = float(np.sum(rest * mean))
     chance = []

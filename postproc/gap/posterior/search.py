@@ -14,8 +14,10 @@ from dataclasses import field
 
 import numpy as np
 
-from postproc.gap.posterior.evidence import Equations, NoisePrior, Optimum, gains, optimum
+from postproc.gap.posterior.evidence import NoisePrior, Optimum, optimum
 from postproc.gap.posterior.prior import Sort
+from postproc.gap.posterior.products import Equations
+from postproc.gap.posterior.scan import Scan
 from postproc.records import dataclass
 
 Subset = tuple[str, ...]
@@ -74,6 +76,10 @@ class Search:
         is_barred = any(self.equations.by_key[k].name in self.barred for k in at.keys)
         return -np.inf if is_barred else self.worth(at) + self._belief[at.keys]
 
+    def scan(self, at: Optimum) -> Scan:
+        """Return what candidates would bring to a visited set."""
+        return Scan.of(self.equations, at, self.noise)
+
     def worth(self, at: Optimum) -> float:
         """Return evidence and prior odds of an optimum."""
         return at.value + sum(self.equations.by_key[k].odds for k in at.keys)
@@ -93,18 +99,29 @@ class Search:
         return len(set(slots)) == len(slots) and len(names) <= self.largest
 
     def promising(
-        self, base: Subset, at: Optimum, least: float, without: Subset = (), count: int = _TRIED
-    ) -> list[tuple[float, str, float]]:
-        """Return what candidates would make of a set: worth, key, log scale; best first."""
-        here = self.worth(at)
-        found = []
-        for key, (gain, scale) in gains(self.equations, at, self.noise).items():
-            worth = here + gain + self.equations.by_key[key].odds
-            if key in self.always or key in without:
-                continue
-            if worth > least and self.is_admissible((*base, key)):
-                found.append((worth, key, scale))
-        return sorted(found, key=lambda f: (-f[0], f[1]))[:count]
+        self, scan: Scan, gone: Subset = (), without: Subset = (), count: int = _TRIED
+    ) -> tuple[float, list[tuple[float, str, float]]]:
+        """Return the worth of a set without some candidates, and what others would make of it.
+
+        Args:
+            scan: the set.
+            gone: its candidates that are left out.
+            without: candidates that are not looked at.
+            count: how many are told.
+
+        Returns:
+            Worth; and worth, key, log scale of each, best first.
+        """
+        odds = {k: c.odds for k, c in self.equations.by_key.items()}
+        here = self.worth(scan.at) - sum(odds[k] for k in gone)
+        base = tuple(k for k in scan.at.keys if k not in gone and k not in self.always)
+        alone, told = scan.without(gone)
+        found = [
+            (here + gain + odds[key], key, scale)
+            for key, (gain, scale) in told.items()
+            if key not in self.always and key not in without and self.is_admissible((*base, key))
+        ]
+        return here + alone, sorted(found, key=lambda f: (-f[0], f[1]))[:count]
 
     def inclusion(self) -> dict[str, float]:
         """Return the probability of each key over the sets visited, tempered."""
@@ -174,9 +191,10 @@ def climbed(state: Search, here: Subset, without: Subset = ()) -> Subset:
     """Add one candidate at a time, but certain ones, as long as that helps."""
     for _ in range(_MOVES):
         at = state.found[here]
-        told = state.promising(here, at, state.score(here) - _NEAR, without)
-        tried = [tuple(sorted((*here, key))) for _, key, _ in told]
-        for more, (_, key, scale) in zip(tried, told, strict=True):
+        told = state.promising(state.scan(at), without=without)[1]
+        near = [t for t in told if t[0] > state.score(here) - _NEAR]
+        tried = [tuple(sorted((*here, key))) for _, key, _ in near]
+        for more, (_, key, scale) in zip(tried, near, strict=True):
             state.optimum(more, at, ((key, scale),))
         better = max(tried, key=lambda s: (state.score(s), s), default=here)
         if state.score(better) <= state.score(here) + 1e-6:
@@ -188,23 +206,21 @@ def climbed(state: Search, here: Subset, without: Subset = ()) -> Subset:
 def _look_around(state: Search, here: Subset) -> None:
     """Look at sets with candidates dropped, one exchanged, or one in the place of two.
 
-    What a candidate would bring is told at the noise that is left without the dropped ones; how far
-    that is off, these themselves tell.
+    What a candidate would bring is told at scales that stay; how far that is off, the dropped ones
+    themselves tell.
     """
     at, top = state.found[here], state.score(here)
-    off = 0.0
+    scan, off = state.scan(at), 0.0
     for size in (1, 2):
         for gone in itertools.combinations(here, size):
             base = tuple(k for k in here if k not in gone)
-            keys = (*state.always, *base)
-            held = optimum(state.equations, keys, state.noise, at, held=True)
-            if state.worth(held) > top - _NEAR:
+            alone, told = state.promising(scan, gone, count=_TRIED + 1)
+            if alone > top - _NEAR:
                 state.optimum(base, at)
-            told = state.promising(base, held, -np.inf, count=_TRIED + 1)
             own = [worth for worth, key, _ in told if key in gone]
             if size == 1:
                 off = max(off, top - own[0]) if own else off
             least = (own[0] if own and size == 1 else top - off) - _NEAR
             for worth, key, scale in told:
                 if key not in gone and worth > least:
-                    state.optimum((*base, key), held, ((key, scale),))
+                    state.optimum((*base, key), at, ((key, scale),))
