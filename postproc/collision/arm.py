@@ -13,6 +13,9 @@ from postproc.geometry import vee
 class Arm(Protocol):
     """The part of ``postproc.kinematics`` that is used here; vectorised over leading axes."""
 
+    def __hash__(self) -> int:
+        """Return that of the object: solids are kept by arm."""
+
     def link_frames(self, q: FloatArray) -> FloatArray:
         """Return T_robroot_link (..., 7, 4, 4) of links 0..6 for q (..., 6) [rad]."""
 

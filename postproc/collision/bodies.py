@@ -163,7 +163,7 @@ def _links(cell: Cell, arm: Arm) -> tuple[list[Body], list[Finding]]:
     is_outline = cell.robot.solids is RobotSolids.OUTLINE and not is_urdf
     if isinstance(cell.robot.geometry, UrdfGeometry):
         found, findings = urdf_links(cell.robot.geometry)
-        meshes = [joined(found[i]) if found[i] else mesh for i, mesh in enumerate(meshes)]
+        meshes = tuple(joined(found[i]) if found[i] else mesh for i, mesh in enumerate(meshes))
     bodies = [Body(f"link {i}", "link", i, mesh, is_outline) for i, mesh in enumerate(meshes)]
     return bodies, findings
 

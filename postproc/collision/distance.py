@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray, IntArray, members, numbered, taken
-from postproc.collision.inside import InsideTest, Parts, probes_of
+from postproc.collision.inside import InsideTest
 from postproc.collision.mesh import Mesh
-from postproc.collision.pieces import Pieces
+from postproc.collision.shape import Shape
 from postproc.collision.tree import SLACK, PieceTree
 
 _TOLERANCE = 1e-10
@@ -37,26 +37,23 @@ class Distances:
     """Distances of solids, 0 where they meet or one lies in the other.
 
     Args:
-        meshes: (b) in the frames of their links.
-        parts: (b) their connected parts.
+        shapes: (b) in the frames of their links.
     """
 
-    def __init__(self, meshes: list[Mesh], parts: list[Parts]) -> None:
-        self._meshes, self._parts = meshes, parts
-        self._solids = [Pieces.of(*one) for one in zip(meshes, parts, strict=True)]
-        self._tree = PieceTree.of(self._solids, meshes)
-        self._body = np.repeat(np.arange(len(meshes)), self._tree.size)
+    def __init__(self, shapes: list[Shape]) -> None:
+        self._shapes = shapes
+        self._meshes = [shape.mesh for shape in shapes]
+        self._solids = [shape.pieces for shape in shapes]
+        self._tree = PieceTree.of(self._solids)
+        self._body = np.repeat(np.arange(len(shapes)), self._tree.size)
         self._first = np.cumsum(self._tree.size) - self._tree.size
         self._is_convex = np.concatenate([solid.is_convex for solid in self._solids]).tolist()
         # what lies in a convex piece is seen by its distance
         self._is_hollow = np.array(
-            [
-                part.closed.any() and not solid.is_convex.all()
-                for part, solid in zip(parts, self._solids, strict=True)
-            ]
+            [one.parts.closed.any() and not one.pieces.is_convex.all() for one in shapes]
         )
         self._inside: dict[int, InsideTest] = {}
-        probes = [probes_of(*one) for one in zip(meshes, parts, strict=True)]
+        probes = [shape.probes for shape in shapes]
         self._probes = np.concatenate(probes)
         self._probe_count = np.array([len(own) for own in probes])
         self._probe_start = np.cumsum(self._probe_count) - self._probe_count
@@ -64,7 +61,7 @@ class Distances:
 
     def __reduce__(self) -> tuple[object, ...]:
         """Pickle what they are made of only."""
-        return (Distances, (self._meshes, self._parts))
+        return (Distances, (self._shapes,))
 
     def distance(
         self,
@@ -134,7 +131,7 @@ class Distances:
                 probes = taken(self._probes, self._probe_start[inner[rows]] + step)
                 points = np.einsum("kij,kj->ki", taken(turn, rows), probes) + taken(shift, rows)
                 if body not in self._inside:
-                    self._inside[body] = InsideTest(self._meshes[body], self._parts[body])
+                    self._inside[body] = InsideTest(self._meshes[body], self._shapes[body].parts)
                 nested[rows[self._inside[body].contains(points)]] = True
         return nested
 

@@ -77,9 +77,8 @@ class Engine:
     ) -> None:
         self.arm = arm
         self.external = external
-        meshes = [self._mesh(body) for body in bodies]
-        self._shapes = [Shape.of(mesh) for mesh in meshes]
-        self._distances = Distances(meshes, [shape.parts for shape in self._shapes])
+        self._shapes = [Shape.of(self._mesh(body)) for body in bodies]
+        self._distances = Distances(self._shapes)
         self._links = np.array([self._link(body) for body in bodies])
         turns = any(axis.kind != "rail" for axis in external.axes)
         table = candidate_pairs(bodies, stand_ins, clearance, thin or {}, part_turns=turns)

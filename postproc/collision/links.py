@@ -9,6 +9,7 @@ gets its own collision geometry, else prisms between its joints.
 from __future__ import annotations
 
 from dataclasses import asdict
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -66,11 +67,12 @@ _SMALL_REACH = 1.4
 _HEAVY_PAYLOAD = 300.0
 
 
-def default_links(robot: Robot, arm: Arm) -> list[Mesh]:
+@lru_cache(maxsize=8)
+def default_links(robot: Robot, arm: Arm) -> tuple[Mesh, ...]:
     """Return the solids of links 0..6 of a built-in arm, each in the frame of its link."""
     geometry = robot.geometry
     if not isinstance(geometry, OpwGeometry):
-        return _prisms(arm)
+        return tuple(_prisms(arm))
     q = geometry.signs * geometry.offsets  # the posture in which the arm stands upright
     T_robroot_link = arm.link_frames(q)
     T_link_robroot = inverse(T_robroot_link)
@@ -78,7 +80,7 @@ def default_links(robot: Robot, arm: Arm) -> list[Mesh]:
         solids = upright_solids(robot, geometry)
     else:
         solids = _upright(geometry, _scaled_sections(robot, geometry))
-    return [joined(s).moved(T) for s, T in zip(solids, T_link_robroot, strict=True)]
+    return tuple(joined(s).moved(T) for s, T in zip(solids, T_link_robroot, strict=True))
 
 
 def _scaled_sections(robot: Robot, geometry: OpwGeometry) -> _Sections:

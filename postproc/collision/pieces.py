@@ -21,6 +21,8 @@ _THIN = 1e-6
 """What is thinner [m] has no inside worth the name: it is a surface."""
 CHILDREN = 16
 """Boxes in one box above them."""
+FEW_VERTICES = 16
+"""Vertices up to which all of a piece are looked at for how far it reaches."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,12 +30,16 @@ class Pieces:
     """Triangles (f,) of a mesh by piece, pieces (k,) that are neighbours near each other.
 
     ``faces`` (f,) in the order of the pieces, of which each begins at ``start`` (k,);
-    ``is_convex`` (k,): all within is solid.
+    ``is_convex`` (k,): all within is solid. ``boxes``: low and high corners [m] of the pieces, of
+    ``CHILDREN`` boxes each, and so on up to all; ``few``: convex pieces (s,) of at most
+    ``FEW_VERTICES``, and those (s, 3, v) [m], the last one again and again.
     """
 
     faces: IntArray
     start: IntArray
     is_convex: BoolArray
+    boxes: tuple[tuple[FloatArray, FloatArray], ...]
+    few: tuple[IndexArray, FloatArray]
 
     @staticmethod
     def of(mesh: Mesh, parts: Parts) -> Pieces:
@@ -52,36 +58,37 @@ class Pieces:
         patches = [left[group] for group in _halved(taken(middle, left), most)]
         groups = [*convex, *patches]
         count = np.array([len(group) for group in groups])
+        faces, start = np.concatenate(groups).astype(np.int32), np.cumsum(count) - count
         is_convex = np.arange(len(groups)) < len(convex)
-        return Pieces(np.concatenate(groups).astype(np.int32), np.cumsum(count) - count, is_convex)
+        few = _few_vertices(mesh, groups[: len(convex)])
+        return Pieces(faces, start, is_convex, _boxes(taken(corners, faces), start), few)
 
     def faces_of(self, piece: int) -> IntArray:
         """Return the triangles of a piece."""
         end = self.start[piece + 1] if piece + 1 < len(self.start) else len(self.faces)
         return self.faces[self.start[piece] : end]
 
-    def few_vertices(self, mesh: Mesh, most: int) -> tuple[IndexArray, FloatArray]:
-        """Return convex pieces (s,) of so few vertices, and those (s, 3, most) [m], padded."""
-        found: list[FloatArray] = [np.zeros((0, 3, most))]
-        place = []
-        for piece in np.flatnonzero(self.is_convex).tolist():
-            points = mesh.vertices[np.unique(mesh.faces[self.faces_of(piece)])]
-            if len(points) <= most:
-                place.append(piece)
-                found.append(np.pad(points.T, ((0, 0), (0, most - len(points))), "edge")[None])
-        return np.array(place, dtype=np.int64), np.concatenate(found)
 
-    def boxes(self, mesh: Mesh) -> list[tuple[FloatArray, FloatArray]]:
-        """Return low and high corners of boxes: of pieces, of ``CHILDREN`` each, .. of all."""
-        corners = taken(mesh.corners, self.faces)
-        low = np.minimum.reduceat(corners.min(axis=1), self.start)
-        high = np.maximum.reduceat(corners.max(axis=1), self.start)
-        levels = [(low, high)]
-        while len(low) > 1:
-            starts = np.arange(0, len(low), CHILDREN)
-            low, high = np.minimum.reduceat(low, starts), np.maximum.reduceat(high, starts)
-            levels.append((low, high))
-        return levels
+def _few_vertices(mesh: Mesh, convex: list[IndexArray]) -> tuple[IndexArray, FloatArray]:
+    found: list[FloatArray] = [np.zeros((0, 3, FEW_VERTICES))]
+    place = []
+    for piece, faces in enumerate(convex):
+        points = mesh.vertices[np.unique(mesh.faces[faces])]
+        if len(points) <= FEW_VERTICES:
+            place.append(piece)
+            found.append(np.pad(points.T, ((0, 0), (0, FEW_VERTICES - len(points))), "edge")[None])
+    return np.array(place, dtype=np.int64), np.concatenate(found)
+
+
+def _boxes(corners: FloatArray, start: IntArray) -> tuple[tuple[FloatArray, FloatArray], ...]:
+    low = np.minimum.reduceat(corners.min(axis=1), start)
+    high = np.maximum.reduceat(corners.max(axis=1), start)
+    levels = [(low, high)]
+    while len(low) > 1:
+        starts = np.arange(0, len(low), CHILDREN)
+        low, high = np.minimum.reduceat(low, starts), np.maximum.reduceat(high, starts)
+        levels.append((low, high))
+    return tuple(levels)
 
 
 def _by_part(parts: Parts, corners: FloatArray) -> list[IndexArray]:

@@ -16,6 +16,7 @@ from postproc.cell import Cell, Workpiece
 from postproc.collision.distance import Distances
 from postproc.collision.inside import parts_of
 from postproc.collision.mesh import Mesh, normals_of, solid
+from postproc.collision.shape import Shape
 from postproc.units import MM
 
 TOUCHING = 0.1 * MM
@@ -70,9 +71,9 @@ def _boxes_meet(one: Mesh, two: Mesh) -> bool:
 
 def _share_space(one: Mesh, two: Mesh) -> bool:
     """Return whether surfaces meet or one solid lies inside the other."""
-    meshes, zero = [one, two], np.zeros(1)
+    zero = np.zeros(1)
     pair, place = (np.array([0]), np.array([1])), (np.eye(3)[None], np.zeros((1, 3)))
-    distances = Distances(meshes, [parts_of(mesh) for mesh in meshes])
+    distances = Distances([Shape.of(mesh) for mesh in (one, two)])
     return bool(distances.distance(*pair, *place, zero, zero)[0] <= 0.0)
 
 

@@ -1,13 +1,16 @@
-"""What culling needs to know of a body: its box, its reach, its connected parts."""
+"""What tests need to know of a solid: its box, its reach, its parts and convex pieces."""
 
 from __future__ import annotations
+
+from functools import lru_cache
 
 import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.collision.boxes import fit_box
-from postproc.collision.inside import Parts, parts_of
+from postproc.collision.inside import Parts, parts_of, probes_of
 from postproc.collision.mesh import Mesh
+from postproc.collision.pieces import Pieces
 from postproc.records import dataclass
 
 
@@ -15,12 +18,14 @@ from postproc.records import dataclass
 class Shape:
     """A body in the frame of its link (or robroot).
 
-    ``centre`` (3,), ``axes`` (3, 3) as columns and ``half`` (3,) are the box of the whole body;
-    ``reach``: farthest vertex from ``centre`` [m].
+    ``probes`` (k, 3) [m]: a vertex of each part; ``centre`` (3,), ``axes`` (3, 3) as columns and
+    ``half`` (3,) are the box of the whole body; ``reach``: farthest vertex from ``centre`` [m].
     """
 
     mesh: Mesh
     parts: Parts
+    pieces: Pieces
+    probes: FloatArray
     centre: FloatArray
     axes: FloatArray
     half: FloatArray
@@ -28,7 +33,33 @@ class Shape:
 
     @staticmethod
     def of(mesh: Mesh) -> Shape:
-        """Return the shape of a mesh."""
-        centre, axes, half = fit_box(mesh.vertices, mesh.corners)
-        reach = float(np.linalg.norm(mesh.vertices - centre, axis=1).max())
-        return Shape(mesh, parts_of(mesh), centre, axes, half, reach)
+        """Return the shape of a mesh, made once: when a part is moved, most solids stay."""
+        return _shape(_ByContent(mesh))
+
+
+class _ByContent:
+    """A mesh as a cache key."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        self.mesh = mesh
+        self._hash = hash((mesh.vertices.tobytes(), mesh.faces.tobytes()))
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    def __eq__(self, other: object) -> bool:
+        return (
+            isinstance(other, _ByContent)
+            and np.array_equal(self.mesh.vertices, other.mesh.vertices)
+            and np.array_equal(self.mesh.faces, other.mesh.faces)
+        )
+
+
+@lru_cache(maxsize=64)
+def _shape(key: _ByContent) -> Shape:
+    mesh = key.mesh
+    parts = parts_of(mesh)
+    centre, axes, half = fit_box(mesh.vertices, mesh.corners)
+    reach = float(np.linalg.norm(mesh.vertices - centre, axis=1).max())
+    pieces, probes = Pieces.of(mesh, parts), probes_of(mesh, parts)
+    return Shape(mesh, parts, pieces, probes, centre, axes, half, reach)

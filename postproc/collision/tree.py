@@ -8,14 +8,11 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray, numbered, taken
-from postproc.collision.mesh import Mesh
-from postproc.collision.pieces import CHILDREN, Pieces
+from postproc.collision.pieces import CHILDREN, FEW_VERTICES, Pieces
 from postproc.records import dataclass
 
 SLACK = 1e-9
 """Rounding of positions [m]: nothing nearer than this counts as proven apart."""
-_FEW = 16
-"""Vertices up to which all of a piece are looked at for how far it reaches."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,23 +36,22 @@ class PieceTree:
     vertices: FloatArray
 
     @staticmethod
-    def of(solids: list[Pieces], meshes: list[Mesh]) -> PieceTree:
+    def of(solids: list[Pieces]) -> PieceTree:
         """Return the tree of all solids."""
-        levels = [solid.boxes(mesh) for solid, mesh in zip(solids, meshes, strict=True)]
-        boxes = [box for solid in levels for box in solid]
+        boxes = [box for solid in solids for box in solid.boxes]
         low, high = (np.concatenate([box[end] for box in boxes]) for end in (0, 1))
         child, count, piece = np.zeros((3, len(low)), dtype=np.int64)
-        corners, vertices = np.full(len(low), -1), [np.zeros((0, 3, _FEW))]
+        corners, vertices = np.full(len(low), -1), [np.zeros((0, 3, FEW_VERTICES))]
         root: list[int] = []
         begin, pieces, known = 0, 0, 0
-        for solid, mesh, boxes in zip(solids, meshes, levels, strict=True):
-            below = len(boxes[0][0])
+        for solid in solids:
+            below = len(solid.boxes[0][0])
             piece[begin : begin + below] = np.arange(pieces, pieces + below)
-            place, few = solid.few_vertices(mesh, _FEW)
+            place, few = solid.few
             corners[begin + place] = np.arange(known, known + len(place))
             vertices.append(few)
             pieces, known = pieces + below, known + len(place)
-            for box, _ in boxes[1:]:
+            for box, _ in solid.boxes[1:]:
                 here, step = begin + below + np.arange(len(box)), CHILDREN * np.arange(len(box))
                 child[here], count[here] = begin + step, np.minimum(below - step, CHILDREN)
                 begin, below = begin + below, len(box)

@@ -9,6 +9,7 @@ from scipy.spatial import ConvexHull
 from postproc.collision.distance import Distances
 from postproc.collision.inside import parts_of
 from postproc.collision.mesh import Mesh, box, cylinder, joined, loft, ring
+from postproc.collision.shape import Shape
 from postproc.geometry.frames import rotation_about
 from tests.collision.conftest import at, wavy_sheet
 from tests.collision.oracle import CoalMesh, coal_collide, coal_distance, winding_number
@@ -117,7 +118,7 @@ HERE = np.eye(4)
 
 def test_solids_are_split_into_convex_pieces_and_patches():
     meshes = list(SOLIDS.values())
-    distances = Distances(meshes, [parts_of(mesh) for mesh in meshes])
+    distances = Distances([Shape.of(mesh) for mesh in meshes])
     for name, solid in zip(SOLIDS, distances._solids, strict=True):
         assert solid.is_convex.all() == (name in CONVEX), name
         assert sorted(solid.faces.tolist()) == list(range(len(SOLIDS[name].faces))), name
@@ -127,7 +128,7 @@ def test_distances_are_those_of_all_triangles_and_bounds_hold():
     """What is exact, what is a bound, what is far enough: all pairs of solids, random poses."""
     names, count = list(SOLIDS), 5
     meshes = list(SOLIDS.values())
-    distances = Distances(meshes, [parts_of(mesh) for mesh in meshes])
+    distances = Distances([Shape.of(mesh) for mesh in meshes])
     rng = np.random.default_rng(3)
     wrong, met = [], 0
     for a, b in zip(*np.triu_indices(len(names)), strict=True):
@@ -158,7 +159,7 @@ def test_distances_are_those_of_all_triangles_and_bounds_hold():
 
 def test_of_a_group_the_first_that_is_near_ends_the_search():
     meshes = [SOLIDS["beam"], SOLIDS["pin"]]
-    distances = Distances(meshes, [parts_of(mesh) for mesh in meshes])
+    distances = Distances([Shape.of(mesh) for mesh in meshes])
     p = np.array([[3.0, 0, 0], [0.1, 0, 0], [0, 0, 0], [0.1, 0, 0], [3.0, 0, 0]])
     zero, R = np.zeros(5), np.tile(np.eye(3), (5, 1, 1))
     pair = np.zeros(5, dtype=np.int64), np.ones(5, dtype=np.int64)
@@ -171,7 +172,7 @@ def test_of_a_group_the_first_that_is_near_ends_the_search():
 def test_solids_that_overlap_deeply_or_lie_flush_have_no_distance(angle):
     """Aligned axes and faces are where a search for the distance between convex solids ends ill."""
     meshes = [SOLIDS["cone"], SOLIDS["pin"], SOLIDS["beam"], box(np.full(3, 0.3))]
-    distances = Distances(meshes, [parts_of(mesh) for mesh in meshes])
+    distances = Distances([Shape.of(mesh) for mesh in meshes])
     rng = np.random.default_rng(8)
     first, second = rng.integers(0, 4, (2, 3000))
     quarter = rotation_about(np.array([0.0, 1.0, 0.0]), np.pi / 2 * rng.integers(0, 4, 3000))
