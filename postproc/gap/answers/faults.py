@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import comb
 
 import numpy as np
 
@@ -16,10 +15,6 @@ FEWEST = 4
 """Rows of a set that can be said to follow anything."""
 _SURE = 1e-3
 """Probability by chance, over all columns looked at, below which a set follows one."""
-
-_FEW = 8
-"""Rows of a set for which ranks are no normal distribution yet."""
-_SUSPECT = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,31 +66,8 @@ def _columns(samples: Samples) -> Iterator[tuple[str, str, FloatArray]]:
 
 def _chance(values: FloatArray, bad: BoolArray) -> float:
     """Return how often ranks of a set lie so far to one side by chance (Mann and Whitney)."""
-    from scipy.special import erfc
+    from scipy.stats import mannwhitneyu
 
     if float(np.ptp(values)) <= 0.0:
         return 1.0
-    count, n = int(bad.sum()), len(bad)
-    _, place, alike = np.unique(values, return_inverse=True, return_counts=True)
-    rank = (np.cumsum(alike) - 0.5 * (alike - 1.0))[place]
-    off = abs(float(rank[bad].sum()) - 0.5 * count * (n + 1))
-    ties = float(np.sum(alike**3.0 - alike)) / (n * (n - 1))
-    spread = np.sqrt(count * (n - count) / 12.0 * (n + 1 - ties))
-    chance = float(min(erfc((off - 0.5) / spread / np.sqrt(2.0)), 1.0))
-    if count > _FEW or ties or chance > _SUSPECT:
-        return chance
-    return min(2.0 * _exact(round(0.5 * count * (n - count) - off), count, n - count), 1.0)
-
-
-def _exact(most: int, count: int, others: int) -> float:
-    """Return the chance that a set of ranks without ties lies within so many steps of one end.
-
-    Sets are counted as partitions: how far each of ``count`` rows is moved past the ``others``.
-    """
-    ways = [1] + [0] * most
-    for part in range(1, count + 1):
-        for steps in range(most, others + part - 1, -1):
-            ways[steps] -= ways[steps - others - part]
-        for steps in range(part, most + 1):
-            ways[steps] += ways[steps - part]
-    return sum(ways) / comb(others + count, count)
+    return float(mannwhitneyu(values[bad], values[~bad], alternative="two-sided").pvalue)
