@@ -137,6 +137,17 @@ def pulled_back(body: Body, cell: Cell, arm: Arm) -> Body:
     return Body(body.name, body.kind, body.link, body.mesh.moved(shift))
 
 
+FOOT = 10e-3
+"""Height [m] of the foot of an arm: so far its bed, plates and bolts may reach up around it."""
+
+
+def above_foot(body: Body, floor: float) -> Body:
+    """Return a solid of link 0 without what is less than ``FOOT`` above ``floor``, its bed."""
+    vertices = np.array(body.mesh.vertices)
+    vertices[:, 2] = np.maximum(vertices[:, 2], floor + FOOT)
+    return replace(body, mesh=Mesh(vertices, body.mesh.faces))
+
+
 THINNER = (0.8, 0.6, 0.4, 0.2)
 """Shares of its size to which a link of the wrist is thinned until the tool is free of it."""
 

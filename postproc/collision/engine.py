@@ -80,8 +80,9 @@ class Engine:
         self._shapes = [Shape.of(self._mesh(body)) for body in bodies]
         self._distances = Distances(self._shapes)
         self._links = np.array([self._link(body) for body in bodies])
-        turns = any(axis.kind != "rail" for axis in external.axes)
-        table = candidate_pairs(bodies, stand_ins, clearance, thin or {}, part_turns=turns)
+        rides = [axis.kind == "rail" for axis in external.axes]
+        moving = {"part_turns": not all(rides), "rides": any(rides)}
+        table = candidate_pairs(bodies, stand_ins, clearance, thin or {}, **moving)
         self._use(table)
         by_construction = self._touching(*limits)
         stands_for = {new: pair for pair, new in (thin or {}).items()}
@@ -138,7 +139,8 @@ class Engine:
         poses = np.vstack([neutral, spread])
         placed = self.place(np.pad(poses, ((0, 0), (0, len(self.external)))))
         table = self.table
-        wanted = (table.is_self | table.is_wrist)[:, None]
+        rides = (self._links[table.first] == 0) & (self._links[table.second] == WORLD_LINK)
+        wanted = (table.is_self & ~rides | table.is_wrist)[:, None]
         found = self.candidates(placed, np.zeros((len(table), 1)), wanted)
         none = np.zeros(len(found))
         touching = self.distances(found, np.arange(len(found)), none, none) <= 0.0

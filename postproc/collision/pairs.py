@@ -6,7 +6,7 @@ Tested: every link and every tool solid against workpiece and obstacles; the too
 - neighbouring links (i, i+1), which share a joint;
 - links (3, 5) and (4, 6): the mechanical stops of a wrist keep them apart;
 - the tool against link 6, to which it is bolted;
-- link 0 against obstacles: the robot stands on one of them, or on the bed of its rail;
+- link 0 against obstacles, of which it stands on one; on a rail it is tested above its foot;
 - workpiece and obstacles against each other: the part lies on its fixture;
 - a pair of links that touches at the zero pose, at the cannon pose (0, -90, 90, 0, 0, 0), or at
   every one of ``SAMPLES`` poses spread over the limits: it touches by construction.
@@ -75,13 +75,15 @@ def candidate_pairs(
     thin: Mapping[Pair, Pair],
     *,
     part_turns: bool = False,
+    rides: bool = False,
 ) -> PairTable:
     """Return all pairs that may have to be tested.
 
     The last ``stand_ins`` bodies stand for others: cutting solids pulled back by the contact depth
     against the workpiece where contact is allowed; thinner solids, ``thin``: the pair that is
-    tested instead of a pair. A part that turns may meet what stands in the room. Links keep no
-    clearance from each other: their distances are the maker's affair.
+    tested instead of a pair. A part that turns (``part_turns``) may meet what stands in the room;
+    the base of an arm that ``rides`` as well. Links keep no clearance from each other: their
+    distances are the maker's affair; nor does a base from the bed that it rides on.
     """
     count = len(bodies) - stand_ins
     rows = []
@@ -89,6 +91,7 @@ def candidate_pairs(
         for b in range(a + 1, count):
             one, two = bodies[a], bodies[b]
             beside = part_turns and (one.kind, two.kind) == ("workpiece", "obstacle")
+            beside |= rides and one.link == 0 and two.kind == "obstacle"
             if not (beside or _is_tested(one, two)):
                 continue
             touching = one.kind == "cutting" and two.kind == "workpiece"

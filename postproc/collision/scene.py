@@ -14,7 +14,15 @@ from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.cell import Cell, ExternalAxis
 from postproc.collision import clearance, motion
 from postproc.collision.arm import Arm
-from postproc.collision.bodies import THINNER, WORLD, Body, bodies_of, pulled_back, thinner
+from postproc.collision.bodies import (
+    THINNER,
+    WORLD,
+    Body,
+    above_foot,
+    bodies_of,
+    pulled_back,
+    thinner,
+)
 from postproc.collision.check import NO_PAIR, Hits, Tally, check
 from postproc.collision.engine import Engine
 from postproc.collision.external import JOINTS, ExternalAxes
@@ -350,6 +358,8 @@ class Scene:
         while True:
             self._thin = {pair: THINNER[n - 1] if n else first[pair] for pair, n in rounds.items()}
             stand_ins, thin = self._thinner(len(self.bodies) + len(behind))
+            feet, beside = self._on_rails(len(self.bodies) + len(behind) + len(stand_ins))
+            stand_ins, thin = [*stand_ins, *feet], {**thin, **beside}
             bodies = (*self.bodies, *behind, *stand_ins)
             more = len(behind) + len(stand_ins)
             engine = Engine(arm, bodies, more, external, cell.limits.clearance, limits, thin)
@@ -374,6 +384,21 @@ class Scene:
             for (a, b), share in self._thin.items()
         }
         return [thinner(self.bodies[number], share) for number, share in place], thin
+
+    def _on_rails(self, first: int) -> tuple[list[Body], dict[Pair, Pair]]:
+        """Return link 0 above its foot on a rail, as ``_thinner``: for what stands in the room."""
+        links = [(n, body) for n, body in enumerate(self.bodies) if body.link == 0]
+        if not links or all(axis.kind != "rail" for axis in self._cell.external_axes):
+            return [], {}
+        floor = min(float(body.mesh.vertices[:, 2].min()) for _, body in links)
+        feet = [above_foot(body, floor) for _, body in links]
+        beside = {
+            (number, other): (first + place, other)
+            for place, (number, _) in enumerate(links)
+            for other, body in enumerate(self.bodies)
+            if body.kind == "obstacle"
+        }
+        return feet, beside
 
     @property
     def _surface(self) -> Surface:

@@ -32,7 +32,12 @@ def cell_with(axes):
     return replace(cell, external_axes=tuple(axes))
 
 
-BESIDE = ("workpiece block", "obstacle post")
+BESIDE, RIDING = ("workpiece block", "obstacle post"), ("link 0", "obstacle post")
+
+
+def named(scene, x):
+    """Return the name of the pair that collides at each configuration, None where none does."""
+    return [scene.pairs[pair] if pair >= 0 else None for pair in scene.check(x).pair]
 
 
 def frozen(cell, values):
@@ -66,16 +71,21 @@ def test_equals_a_cell_that_stands_there(axes, random_q):
         q = random_q(150, seed)
         x = np.hstack([q, np.tile(values, (len(q), 1))])
         there = Scene.build(frozen(cell, values), arm)
-        # only a part that turns may meet what stands in the room: it is the last pair
-        assert [*there.pairs, *[BESIDE] * (TABLE in axes)] == list(scene.pairs)
-        pair = scene.check(x).pair
-        beside = pair == len(there.pairs)
-        assert np.array_equal(np.where(beside, -1, pair), there.check(q).pair)
+        # only a part that turns and a base that rides may meet what stands in the room
+        more = [BESIDE] * (TABLE in axes) + [RIDING] * (RAIL in axes)
+        assert sorted([*there.pairs, *more]) == sorted(scene.pairs)
+        hit, hit_there = named(scene, x), named(there, q)
+        beside = np.array([one in more for one in hit])
+        assert (np.array(hit, object)[~beside] == np.array(hit_there, object)[~beside]).all()
         assert np.allclose(scene.clearance(x)[~beside], there.clearance(q)[~beside], atol=1e-9)
         seen += there.check(q).hit.sum()
     assert seen > 15
     still = Scene.build(frozen(cell, np.zeros(len(axes))), arm)
-    assert np.array_equal(scene.check(q).pair, still.check(q).pair)
+    assert [one for one in named(scene, q) if one not in more] == [
+        other
+        for one, other in zip(named(scene, q), named(still, q), strict=True)
+        if one not in more
+    ]
 
 
 def test_motions_of_all_axes_miss_nothing():
@@ -94,6 +104,29 @@ def test_motions_of_all_axes_miss_nothing():
     where = start + np.nan_to_num(answer.share)[:, None] * step
     assert scene.check(where[answer.hit]).hit.all()
     assert (answer.hit & ~sampled[0] & ~sampled[-1])[:60].sum() + answer.hit[60:].sum() > 10
+
+
+@pytest.mark.parametrize("top", [0.0, 0.008, 0.02])
+def test_the_base_rides_on_its_bed_and_into_a_crate(top):
+    """The bed stands in three pieces, as high around the foot as bolts and plates, or higher."""
+    along = STAND[:3, 3] + np.multiply.outer([-1.0, 0.0, 1.0, 1.9], RAIL.axis)
+    bed = [
+        box_at(f"bed {n}", [1.4, 1.4, 0.3], at(*place[:2], place[2] + top - 0.15))
+        for n, place in enumerate(along[:3])
+    ]
+    crate = box_at("crate", [0.2, 0.2, 0.2], at(*along[3, :2], along[3, 2] + 0.2))
+    cell = replace(cell_with([RAIL]), obstacles=(*bed, crate))
+    scene = Scene.build(cell, build(cell.robot))
+    q = np.deg2rad([0.0, -120.0, 120.0, 0.0, 0.0, 0.0])
+    x = np.array([[*q, -1.5], [*q, 0.5], [*q, 1.9]])
+    hit = named(scene, x)
+    assert hit[2] is not None
+    assert (hit[:2] == [None, None]) == (top < 0.01)
+    if top < 0.01:
+        assert hit[2] == ("link 0", "obstacle crate")
+        assert scene.clearance(x)[0] > 0.1
+        assert scene.check_paths(x[:1], x[1:2]).hit.tolist() == [False]
+        assert scene.check_paths(x[:1], x[2:]).hit.tolist() == [True]
 
 
 def test_wrong_shapes_and_numbers_are_refused():
