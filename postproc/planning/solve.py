@@ -7,7 +7,10 @@ the best so far; what was tried, and how often, is the record that users get.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import replace
+
+import numpy as np
 
 from postproc.errors import Finding
 from postproc.ladder import Rule
@@ -89,25 +92,44 @@ def _tell(routed: Route, anew: int) -> None:
 
 
 def _without_stuck(solved: Solved, *, goes_on: bool) -> Solved:
-    """Return a plan without the tags that cannot be got to, and why each is left out."""
+    """Return a plan without the tags that cannot be got to or left, and why each is left out."""
     routed, dropped = solved.routed, list[Finding]()
-    for _ in range(_DROPS):
+    for turn in range(_DROPS):
         stuck = [finding for finding in routed.findings if finding.is_error]
         if not stuck:
             break
-        dropped += stuck
-        _leave_out(solved.checker, solved.choice.chosen, stuck)
+        dropped += _leave_out(solved.checker, solved.choice.chosen, stuck, 2**turn)
         routed = route(solved.checker, solved.choice.chosen, goes_on=goes_on)
     return replace(solved, routed=routed, dropped=dropped)
 
 
-def _leave_out(checker: Checker, chosen: Chosen, stuck: list[Finding]) -> None:
-    """Leave out tags that cannot be got to, in place, with the cuts that begin there."""
-    rule = step_rules(checker.problem)
-    for finding in stuck:
+def _leave_out(
+    checker: Checker, chosen: Chosen, stuck: list[Finding], most: int
+) -> Iterator[Finding]:
+    """Leave out stuck tags, in place, and say so of each tag.
+
+    With a tag at which the tool comes in goes all that is cut from there on; at one from which it
+    cannot get away the cut ends sooner, by ``most`` tags. What lies behind a tag that goes is
+    looked at again: then the tool comes from elsewhere.
+    """
+    toolpath, ran = checker.problem.toolpath, chosen.good.copy()
+    joined = (step_rules(checker.problem) == Rule.CHAIN) & ~chosen.entry & ran
+    joined[1:] &= ran[:-1]
+    for finding in sorted(stuck, key=lambda one: one.tag_index or 0):
         tag = finding.tag_index or 0
-        chosen.good[tag] = False
-        while tag + 1 < len(rule) and rule[tag + 1] == Rule.CHAIN:
-            tag += 1
-            chosen.good[tag] = False
-        chosen.entry[tag + 1 : tag + 2] = True
+        before = int(np.flatnonzero(ran[:tag]).max(initial=-1))
+        if not chosen.good[tag] or (before >= 0 and not chosen.good[before]):
+            continue
+        begin = int(np.flatnonzero(~joined[: tag + 1]).max(initial=0))
+        end = tag + int(np.argmin(np.append(joined[tag + 1 :], False))) + 1
+        gone = range(max(begin, tag + 1 - most) if begin < tag else tag, end)
+        chosen.good[gone.start : gone.stop] = False
+        chosen.entry[gone.stop : gone.stop + 1] = True
+        yield finding
+        why = f"left out: tag {toolpath.tag_name(tag)} in the same cut fails"
+        for other in gone:
+            if other != tag:
+                text = f"tag {toolpath.tag_name(other)}: {why}"
+                yield replace(
+                    finding, message=text, tag_index=other, source=toolpath.source(other), hint=""
+                )

@@ -201,3 +201,37 @@ def test_none_is_near_to_both_sides_of_a_gap():
         every = 1 if axes == 6 else 4
         assert beside(gap, before[:every])[:, 0].all()
         assert beside(gap, behind[:every])[:, 1].all()
+
+
+@pytest.mark.parametrize(
+    ("stuck", "named"),
+    [
+        ({0: 0}, [0, 1, 2, 3, 4, 5]),  # no way into the cut: all of it goes, and is named
+        ({5: 3}, [5, 4, 3]),  # it cannot be left above its end: it ends sooner
+        ({0: 0, 5: 5}, [0, 1, 2, 3, 4, 5]),
+    ],
+)
+def test_what_goes_with_a_cut_is_named(make_cell, make_path, monkeypatch, stuck, named):
+    """``stuck``: tags that are stuck as long as they, or a later one, are run."""
+    points = np.column_stack([np.full(6, 1.9), np.linspace(-0.2, 0.2, 6), np.full(6, 0.9)])
+    cell, settings = settle(make_cell(), PlanOptions())
+    checker = checker_of(make_path(points, [-1.0, 0.0, 0.0], MotionKind.LINEAR), cell, settings)
+    own = solve.route
+
+    def routed(checker, chosen, **options):
+        result = own(checker, chosen, **options)
+        for end, least in stuck.items():
+            ran = [tag for tag in range(least, end + 1) if chosen.good[tag]]
+            result.findings += [
+                failure(checker.problem, tag, Reason.COLLISION, "no way") for tag in ran[-1:]
+            ]
+        return result
+
+    monkeypatch.setattr(attempt, "route", routed)
+    monkeypatch.setattr(solve, "route", routed)
+    solved = solve.solve(checker, Clock("place"), partial=True, goes_on=False)
+    told = [finding.tag_index for finding in solved.dropped]
+    assert sorted(told) == sorted(named)
+    assert np.flatnonzero(~solved.choice.chosen.good).tolist() == sorted(named)
+    assert not solved.routed.findings or not any(one.is_error for one in solved.routed.findings)
+    assert all(f"tag {tag}" in one.message for tag, one in zip(told, solved.dropped, strict=True))

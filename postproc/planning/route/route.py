@@ -236,6 +236,12 @@ def _out_of_material(
     return up[is_free]
 
 
+def _cannot_leave(checker: Checker, chosen: Chosen, ends: Ends, row: int) -> bool:
+    """Return whether the tool must back off at the start of a connection, and cannot."""
+    one = ends.rows(np.array([row]))
+    return bool(one.lift[0]) and not backed_off(checker, one, chosen.attitude, chosen.branch)[1][0]
+
+
 def _lead_out(checker: Checker, ends: Ends, row: int, chosen: Chosen) -> str:
     """Return what helps where the tool of a connection cannot back off as it must."""
     height = way_up(checker, ends, row, chosen.attitude, chosen.branch)
@@ -322,16 +328,19 @@ def _decide(
         row = int(rest[stuck[i]])
         if is_broken[row]:
             continue
-        name = problem.toolpath.tag_name(int(ends.tag_from[row]))
-        walled = _walled_in(checker, ends.q_to[row], ends.external[row])
-        detail = walled or _blocked(checker, verdict, int(stuck[i]), name)
-        hint, why = _NOT_SEARCHED if count >= GIVE_UP else "", Reason.COLLISION
-        if verdict.good[stuck[i]]:
+        before, tag = int(ends.tag_from[row]), int(ends.tag_to[row])
+        if _cannot_leave(checker, chosen, ends, row):
             why = why_stuck(checker, ends, row, chosen.attitude, chosen.branch)
             hint = _lead_out(checker, ends, row, chosen)
-        findings.append(failure(problem, int(ends.tag_to[row]), why, detail, hint))
+            findings.append(failure(problem, before, why, _STUCK, hint))
+            continue
+        walled = _walled_in(checker, ends.q_to[row], ends.external[row])
+        name = problem.toolpath.tag_name(before)
+        detail = walled or _blocked(checker, verdict, int(stuck[i]), name)
+        hint = _NOT_SEARCHED if count >= GIVE_UP else ""
+        findings.append(failure(problem, tag, Reason.COLLISION, detail, hint))
         if not walled and not hint:
-            gaps.append(Gap(findings[-1], int(ends.tag_from[row]), int(ends.tag_to[row])))
+            gaps.append(Gap(findings[-1], before, tag))
     return as_line, {int(rest[stuck[i]]): way for i, way in found.items()}
 
 
@@ -347,11 +356,11 @@ def _walled_in(
 
 
 def _blocked(checker: Checker, verdict: Verdict, row: int, name: str) -> str:
+    so, pair = f"no free way was found here from tag {name}", int(verdict.pair[row])
     if verdict.good[row]:
-        return f"{_STUCK}, coming from tag {name}"
-    pair = int(verdict.pair[row])
+        return f"{so}, once the tool is out of the cut there"
     what = " and ".join(checker.pairs[pair]) if 0 <= pair < len(checker.pairs) else "solids"
-    return f"no free way was found here from tag {name}: {what} collide on the direct one"
+    return f"{so}: {what} collide on the direct one"
 
 
 def _straight_rapids(checker: Checker, chosen: Chosen, ends: Ends) -> BoolArray:
