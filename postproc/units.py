@@ -65,7 +65,7 @@ _NAMES: dict[Dimension, dict[float, str]] = {
     Dimension.LENGTH: {
         MM: "mm millimeter millimeters millimetre millimetres",
         1.0: "m meter meters metre metres",
-        10.0 * MM: "cm centimeter centimetre",
+        10.0 * MM: "cm centimeter centimeters centimetre centimetres",
         UM: "um \u03bcm micron microns micrometer micrometre",
         INCH: 'in inch inches zoll pouce pouces "',
         _FOOT: "ft foot feet",
@@ -94,9 +94,9 @@ _TURN = frozenset(_TURN_NAMES.split())
 _SHORT = {
     "rpm": "1/min", "upm": "1/min", "rps": "1/s", "hz": "1/s", "mmpm": "mm/min",
     "mmpmin": "mm/min", "mpm": "m/min", "mps": "m/s", "ipm": "in/min", "ips": "in/s",
-    "fpm": "ft/min", "mmpr": "mm/rev", "ipr": "in/rev",
+    "fpm": "ft/min", "sfm": "ft/min", "smm": "m/min", "mmpr": "mm/rev", "ipr": "in/rev",
 }  # fmt: skip
-"""Units that are written in one word; UPM is German for turns per minute."""
+"""Units in one word; UPM: German for turns a minute; SFM, SMM: of a cutter's rim, APT's words."""
 _INVERSE = re.compile(r"([a-z]+)\s*\^?\s*\(?[-\u2212]\s*1\)?$")
 _BETWEEN = re.compile(r"[\s_/\u00b7*.]+")
 _PER = frozenset({"per", "pro", "par"})

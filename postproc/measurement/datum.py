@@ -22,7 +22,7 @@ from postproc.geometry import apply
 from postproc.measurement.registration import rigid_motion
 from postproc.measurement.table import finite, numbers, read_table
 from postproc.records import dataclass
-from postproc.units import INCH, MM
+from postproc.units import MM, SINGLE
 
 NOMINAL = ("x_mm", "y_mm", "z_mm")
 MEASURED = ("mx_mm", "my_mm", "mz_mm")
@@ -36,7 +36,7 @@ SURE = 0.01
 """Chance at which points are told from noise, all ways to choose them counted."""
 _STARTS = 300
 """Triples of points from which the best sets are looked for, at most."""
-_UNITS = {INCH / MM: "inch", 1000.0: "m", 10.0: "cm"}
+_UNITS = {SINGLE[name].factor / MM: name for name in ("inch", "m", "cm")}
 
 
 @dataclass(frozen=True, slots=True)

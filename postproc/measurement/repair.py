@@ -23,9 +23,9 @@ from postproc.measurement.rows import MeasurementSet, Remark
 from postproc.measurement.setups import set_ups
 from postproc.measurement.tools import points_of_rows, tool_points
 from postproc.model import Registration
-from postproc.units import DEG, MM
+from postproc.units import DEG, MM, SINGLE
 
-LENGTHS = {"metres": 1000.0, "inches": 25.4, "centimetres": 10.0}
+LENGTHS = {name: SINGLE[name].factor / MM for name in ("metres", "inches", "centimetres")}
 """Units of length [mm] that readings are mistaken in."""
 FAR = 20.0 * MM
 """Distance from the arm from which something is mistaken, not inexact."""

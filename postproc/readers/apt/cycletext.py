@@ -12,7 +12,7 @@ from math import radians, tan
 
 from postproc.model import WordClass
 from postproc.readers.apt.dialect import CycleGrammar
-from postproc.readers.apt.feed import FEED_UNITS, PER_TURN, feed_per_turn, feed_value
+from postproc.readers.apt.feed import feed_per_turn, feed_value, is_feed_unit, is_per_turn
 from postproc.readers.apt.state import AptState
 from postproc.readers.apt.statement import Statement, bounded
 
@@ -58,14 +58,14 @@ def parameters(state: AptState, statement: Statement, line: int) -> Found:
 
 def is_hsm_order(words: tuple[str, ...]) -> bool:
     """Return whether numbers stand as HSM writes them: depth[, INCR, i], unit, feed, clearance."""
-    at = next((i for i, word in enumerate(words) if word in FEED_UNITS), 0)
+    at = next((i for i, word in enumerate(words) if is_feed_unit(word)), 0)
     numbers = [bounded(word) for word in words[at + 1 : at + 3]]
     return at > 1 and len(numbers) == 2 and None not in numbers
 
 
 def is_catia_order(words: tuple[str, ...]) -> bool:
     """Return whether the unit of the feed stands last, as CATIA writes it."""
-    return words[-1] in FEED_UNITS
+    return is_feed_unit(words[-1])
 
 
 class _Tokens:
@@ -118,7 +118,7 @@ def _minor(
     value = tokens.number()
     if word == "DWELL" and value is None and tokens.skip("REV"):
         value, word = tokens.number(), "DWELL,REV"
-    if word in FEED_UNITS or word == "TPI":
+    if is_feed_unit(word) or word == "TPI":
         if value is None:
             raise _no_number(state, word, line, statement)
         _take_feed(state, found, word, value, line)
@@ -182,7 +182,7 @@ def _take_feed(state: AptState, found: Found, unit: str, value: float, line: int
     if unit == "TPI":
         found["pitch"] = value if value < 1.0 else 1.0 / value
         return
-    if unit in PER_TURN:
+    if is_per_turn(unit):
         found["feed_per_turn"] = feed_per_turn(state, value, unit)
     else:
         found["feed"] = feed_value(state, value, unit, line)
@@ -209,13 +209,13 @@ def _by_position(state: AptState, words: tuple[str, ...], line: int, statement: 
     """
     surfcam = state.dialect.cycle_grammar is CycleGrammar.SURFCAM or not is_hsm_order(words)
     names = ["depth", "feed", "clear"] if surfcam else ["depth", "feed", "clear", "shift"]
-    unit = next((word for word in words[1:] if word in FEED_UNITS), "PERMIN")
+    unit = next((word for word in words[1:] if is_feed_unit(word)), "PERMIN")
     found: Found = {}
     tokens = _Tokens(words[1:])
     while tokens:
         word = tokens.take()
         value = bounded(word)
-        if word in FEED_UNITS:
+        if is_feed_unit(word):
             continue
         if value is None:
             _minor(state, found, word, tokens, line, statement)
@@ -244,12 +244,12 @@ def _named(state: AptState, words: tuple[str, ...], line: int, statement: Statem
     """Return the parameters of numbers that ``ReadOptions.cycle_words`` names in their order."""
     found: Found = {}
     names = list(state.options.cycle_numbers)
-    unit = next((word for word in words[1:] if word in FEED_UNITS), "PERMIN")
+    unit = next((word for word in words[1:] if is_feed_unit(word)), "PERMIN")
     tokens = _Tokens(words[1:])
     while tokens:
         word = tokens.take()
         value = bounded(word)
-        if word in FEED_UNITS:
+        if is_feed_unit(word):
             continue
         if value is None and state.options.cycle_words is not None and word in _FIELDS:
             _minor(state, found, word, tokens, line, statement)
@@ -299,7 +299,7 @@ def _camworks_word(
     first = tokens.number()
     if word == "PECKING" and first is not None and (second := tokens.number()) is not None:
         found["peck_first"], found["peck"] = first, second
-    elif word in FEED_UNITS and first is not None:
+    elif is_feed_unit(word) and first is not None:
         _take_feed(state, found, word, first, line)
     elif word == "DWELL" and first is not None:
         found["dwell"] = first

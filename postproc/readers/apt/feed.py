@@ -7,20 +7,13 @@ from math import isnan, pi
 from postproc.model import EventKind, WordClass
 from postproc.readers.apt.state import AptState
 from postproc.readers.apt.statement import Statement, bounded
-from postproc.units import INCH, INCH_PER_MIN, MM, MM_PER_MIN, RPM
+from postproc.units import INCH_PER_MIN, MM_PER_MIN, RPM, SINGLE, Dimension, Unit, unit_named
 
-FEED_UNITS = frozenset(
-    {"MMPM", "IPM", "MMPR", "IPR", "PERMIN", "PERREV", "MMPMIN", "UPM", "UPR", "MPM", "FPM"}
-)
-_FACTORS = {"MMPM": MM_PER_MIN, "MMPMIN": MM_PER_MIN, "IPM": INCH_PER_MIN}
-_FOOT = 12.0 * INCH
-_PER_MINUTE = {"MPM": 1.0, "FPM": _FOOT}
-_TURN_LENGTHS = {"MMPR": MM, "IPR": INCH}
-PER_TURN = frozenset({"MMPR", "IPR", "PERREV", "UPR"})
-"""Feed units per turn of the spindle."""
-_SURFACE_SPEEDS = {"SFM": _FOOT, "SMM": 1.0}
-_MINUTE = 1.0 / RPM
-"""Seconds."""
+_OF_THE_FILE = {"PERMIN": False, "UPM": False, "PERREV": True, "UPR": True}
+"""Words for the file's own unit of length, and whether it is per turn of the spindle."""
+_EACH_MINUTE = (MM_PER_MIN, INCH_PER_MIN)
+"""The feeds of files in mm and in inches [m/s]."""
+_SURFACE_SPEEDS = frozenset({"SFM", "SMM"})
 _FEED_REFUSED = {
     "INVERS": "a feed in inverse time; the last feed stays in force",
     "LOCK": "an override that is to be locked",
@@ -37,6 +30,22 @@ _SPINDLE_REFUSED = {
     "MAXRPM": "a limit of the speed is not watched",
 }
 _SPINDLE_NOTED = frozenset({"BOTH", "LOW", "MEDIUM", "HIGH", "AUTO", "RANGE"})
+
+
+def _stated(word: str, *dimensions: Dimension) -> Unit | None:
+    """Return the unit that a word states, None if it is none of these dimensions."""
+    unit = None if word in _OF_THE_FILE else unit_named(word)
+    return unit if unit is not None and unit.dimension in dimensions else None
+
+
+def is_feed_unit(word: str) -> bool:
+    """Return whether a word is a unit of feed."""
+    return word in _OF_THE_FILE or _stated(word, Dimension.SPEED, Dimension.ADVANCE) is not None
+
+
+def is_per_turn(word: str) -> bool:
+    """Return whether a unit of feed counts per turn of the spindle."""
+    return _OF_THE_FILE.get(word, _stated(word, Dimension.ADVANCE) is not None)
 
 
 def feed_statement(state: AptState, statement: Statement, line: int) -> None:
@@ -58,15 +67,15 @@ def feed_statement(state: AptState, statement: Statement, line: int) -> None:
         raise state.faults.error(
             "APT052", "FEDRAT must be above zero", line, statement.text, _last_feed(state)
         )
-    if unit in PER_TURN and isnan(state.spindle):
+    if is_per_turn(unit) and isnan(state.spindle):
         state.set_feed(float("nan"))
         state.waiting_feed = (state.done + state.at, unit, line)
     else:
         state.set_feed(feed_value(state, value, unit, line))
     state.revolution_feed = None
-    if unit in PER_TURN:
+    if is_per_turn(unit):
         state.revolution_feed = value * _turn_length(state, unit)
-    elif not state.contradicts(unit):
+    elif not _contradicts(state, unit):
         state.feed_memo[statement.text] = state.feed.value
 
 
@@ -96,7 +105,7 @@ def _feed_words(state: AptState, statement: Statement, line: int) -> tuple[float
         number = bounded(word)
         if number is not None and value is None:
             value = number
-        elif word in FEED_UNITS:
+        elif is_feed_unit(word):
             unit = word
         elif word in _FEED_REFUSED:
             state.uses.refuse(f"FEDRAT/{word}", WordClass.PROCESS, line, _FEED_REFUSED[word])
@@ -115,15 +124,14 @@ def _goes_with(words: tuple[str, ...], number: float | None) -> bool:
 
 def feed_value(state: AptState, value: float, unit: str, line: int) -> float:
     """Return a feed [m/s]; NaN if it is per turn and no spindle speed is known."""
-    if unit in PER_TURN:
+    if is_per_turn(unit):
         if isnan(state.spindle):
             _refuse_turn_feed(state, unit, line)
         return value * _turn_length(state, unit) * state.spindle
-    if unit in _PER_MINUTE:
-        return value * _PER_MINUTE[unit] / _MINUTE
-    if unit in _FACTORS:
-        return value * (_contradicted(state, unit, line) or _FACTORS[unit])
-    return value * state.scale / _MINUTE
+    stated = _stated(unit, Dimension.SPEED)
+    if stated is not None:
+        return value * (_contradicted(state, unit, line) or stated.factor)
+    return value * state.scale / SINGLE["min"].factor
 
 
 def feed_per_turn(state: AptState, value: float, unit: str) -> float:
@@ -131,9 +139,16 @@ def feed_per_turn(state: AptState, value: float, unit: str) -> float:
     return value * _turn_length(state, unit)
 
 
+def _contradicts(state: AptState, word: str) -> bool:
+    """Return whether a feed's unit is the one of inches in a file in mm, or the other way round."""
+    unit = _stated(word, Dimension.SPEED)
+    usual = unit is not None and unit.factor in _EACH_MINUTE
+    return usual and unit is not None and unit.imperial != (state.units == "inch")
+
+
 def _contradicted(state: AptState, unit: str, line: int) -> float | None:
     """Return the factor that the user names where the feed's unit contradicts UNITS, else None."""
-    if not state.contradicts(unit):
+    if not _contradicts(state, unit):
         return None
     state.faults.warn("APT151", f"feeds in {unit} in a file in {state.units}", line)
     chosen = state.options.feed_units
@@ -201,8 +216,9 @@ def _speed(state: AptState, words: tuple[str, ...], line: int) -> float | None:
 
 
 def _turns_per_second(state: AptState, words: tuple[str, ...], value: float, line: int) -> float:
-    unit = next((word for word in words if word in _SURFACE_SPEEDS), None)
-    if unit is None:
+    unit = next((word for word in words if word in _SURFACE_SPEEDS), "")
+    speed = unit_named(unit)
+    if speed is None:
         return value * RPM
     diameter = state.tools.diameter
     if isnan(diameter) or diameter <= 0.0:
@@ -210,11 +226,12 @@ def _turns_per_second(state: AptState, words: tuple[str, ...], value: float, lin
             "APT152", f"SPINDL in {unit} without a tool diameter: speed unknown", line
         )
         return float("nan")
-    return value * _SURFACE_SPEEDS[unit] / _MINUTE / (pi * diameter)
+    return value * speed.factor / (pi * diameter)
 
 
 def _turn_length(state: AptState, unit: str) -> float:
-    return _TURN_LENGTHS.get(unit, state.scale)
+    stated = _stated(unit, Dimension.ADVANCE)
+    return state.scale if stated is None else stated.factor
 
 
 def _last_feed(state: AptState) -> str:

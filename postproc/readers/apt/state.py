@@ -171,11 +171,6 @@ class AptState:
         """Where the next statement stands."""
         return Place(self.tag, len(self.splines), len(self.events))
 
-    def contradicts(self, feed_unit: str) -> bool:
-        """Whether a feed's unit is of inches in a file in mm, or the other way round."""
-        inches = {"IPM": True, "MMPM": False, "MMPMIN": False}.get(feed_unit)
-        return inches is not None and inches != (self.units == "inch")
-
     def add_event(self, kind: EventKind, line: int, value: float = 0.0, text: str = "") -> None:
         """Keep an event before the next motion."""
         self.events.append(EventRecord(Event(self.tag, kind, value, text, line), len(self.splines)))

@@ -18,7 +18,9 @@ from postproc.readers.apt import nurbs as apt_nurbs
 from postproc.readers.apt.refused import refuse, unhandled
 from postproc.readers.apt.state import AptState, EventRecord
 from postproc.readers.apt.statement import FREE_TEXT, Statement, bounded
+from postproc.readers.base import LENGTH_UNITS
 from postproc.readers.text import shortened
+from postproc.units import Dimension, unit_named
 
 Handler = Callable[[AptState, Statement, int], None]
 _NX_CENTRE = "CENTERLINE DATA"
@@ -114,11 +116,10 @@ def _units(state: AptState, statement: Statement, line: int) -> None:
 
 def unit_name(word: str) -> str | None:
     """Return ``mm``, ``inch`` or ``m`` for a minor word of UNITS, None if unknown."""
-    return {
-        "MM": "mm", "MILLIMETER": "mm", "MILLIMETRE": "mm", "MILLIMETERS": "mm", "METRIC": "mm",
-        "INCH": "inch", "INCHES": "inch", "IN": "inch", "ENGLISH": "inch", "M": "m", "METER": "m",
-        "METERS": "m", "METRE": "m",
-    }.get(word)  # fmt: skip
+    unit = unit_named({"METRIC": "mm", "ENGLISH": "inch"}.get(word, word))
+    known = unit is not None and unit.dimension is Dimension.LENGTH
+    factor = unit.factor if unit is not None and known else None
+    return next((name for name, size in LENGTH_UNITS.items() if size == factor), None)
 
 
 def _table(state: AptState, statement: Statement, line: int) -> None:
