@@ -14,14 +14,20 @@ from postproc.backup.external import ExternalKinematic, external_kinematics
 from postproc.backup.frames import BaseEntry, ToolEntry, base_entries, tool_entries
 from postproc.backup.layout import Layout, find_files
 from postproc.backup.machine import Machine, machine_of
-from postproc.backup.rewritten import rewritten_data
 from postproc.backup.variables import Variables, decoded, read_variables
+from postproc.errors import ReadError
 from postproc.geometry import transform_from_kuka
 from postproc.records import dataclass
 
 _SOFTWARE = re.compile(r"\bV?(\d{1,2})\.(\d{1,2})(?:\.\d+)*(?:\s*SP\s*\d+)?", re.IGNORECASE)
 _CONNECTION = re.compile(r'ConnectionString="([^"]*)"')
 _HOMES = ("XHOME", "XHOME1", "XHOME2", "XHOME3", "XHOME4", "XHOME5")
+
+_ASSIGNED = re.compile(
+    r"^[^;\"\n]*?\b(TOOL_DATA|BASE_DATA|LOAD_DATA)\s*\[\s*(\w+)\s*\](?:\s*\.\s*\w+)?\s*=(?!=)",
+    re.IGNORECASE | re.MULTILINE,
+)
+_SUFFIXES = (".src", ".sub")
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,3 +178,23 @@ def _homes(config: Variables | None, data: Variables) -> dict[str, tuple[float, 
     if angles is not None and any(angles):
         found["$H_POS"] = tuple(angles)
     return found
+
+
+def rewritten_data(archive: Archive, layout: Layout) -> tuple[str, ...]:
+    """Return the data that some program assigns: ``TOOL_DATA[11]``, ``BASE_DATA[any]``.
+
+    Files too large or broken are left out: they only serve a remark.
+    """
+    root = f"{layout.root}/".lower()
+    found: set[tuple[str, int]] = set()
+    for name in archive.sizes:
+        if not (name.lower().startswith(root) and name.lower().endswith(_SUFFIXES)):
+            continue
+        try:
+            text = decoded(archive.read(name))
+        except ReadError:
+            continue
+        for match in _ASSIGNED.finditer(text):
+            index = int(match[2]) if match[2].isdigit() and len(match[2]) < 4 else 0
+            found.add((match[1].upper(), index))
+    return tuple(f"{name}[{index or 'any'}]" for name, index in sorted(found))

@@ -48,8 +48,9 @@ from postproc.cell.robotfile import (
     robot_names,
     robot_notes,
     robot_title,
+    same_type,
+    type_of,
 )
-from postproc.cell.robotnames import same_type, type_of
 from postproc.cell.text import cell_text
 from postproc.cell.urdf import (
     expanded,

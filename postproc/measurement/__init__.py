@@ -25,8 +25,6 @@ from postproc.measurement.registration import (
     rigid_motion,
     unloaded_rows,
 )
-from postproc.measurement.repair import repaired, without_copies
+from postproc.measurement.repair import points_of_rows, repaired, tool_points, without_copies
 from postproc.measurement.rows import MeasurementSet, Remark
-from postproc.measurement.scatter import MEAN_LENGTH, robust_sigma
-from postproc.measurement.setups import SetUps, set_ups
-from postproc.measurement.tools import points_of_rows, tool_points
+from postproc.measurement.setups import MEAN_LENGTH, SetUps, robust_sigma, set_ups

@@ -8,7 +8,9 @@ is not sure stays as it is and is judged later with the other measuring faults.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +23,6 @@ from postproc.measurement.readings import has_points
 from postproc.measurement.registration import fit_registration, frames_of, points_of
 from postproc.measurement.rows import MeasurementSet, Remark
 from postproc.measurement.setups import set_ups
-from postproc.measurement.tools import points_of_rows, tool_points
 from postproc.model import Registration
 from postproc.units import DEG, MM, SINGLE
 
@@ -34,6 +35,8 @@ CLEAR = 10.0
 _KELVIN = 273.15
 _HOTTEST = 150.0
 """No arm is that warm [degC]."""
+
+COLUMN = "tool_no"
 
 
 def repaired(
@@ -227,3 +230,26 @@ def _noted(
     """Return rows with a remark on some of those that were there before."""
     ids = tuple(before.ids[k] for k in np.flatnonzero(rows))
     return replace(now, remarks=(*now.remarks, Remark(kind, ids, text)))
+
+
+def tool_points(cell: Cell) -> dict[str, FloatArray]:
+    """Return the tool point (3,) in the flange [m] of each tool of a cell, by its number."""
+    return {str(tool.number): np.asarray(tool.T_flange_tcp[:3, 3]) for tool in cell.tools}
+
+
+def points_of_rows(
+    tools: Mapping[str, FloatArray], extra: Mapping[str, Any], default: FloatArray
+) -> FloatArray | None:
+    """Return the tool point (n, 3) of each row, None where all rows have the one in work.
+
+    A number that the cell does not have is the tool in work: then it is a condition alone.
+
+    Args:
+        tools: as ``tool_points`` gives them.
+        extra: logged conditions of the rows.
+        default: (3,) tool point of the tool in work.
+    """
+    labels = extra.get(COLUMN)
+    if labels is None or len(tools) < 2:
+        return None
+    return np.array([tools.get(str(label).removesuffix(".0"), default) for label in labels])

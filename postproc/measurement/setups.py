@@ -1,4 +1,4 @@
-"""Set-ups of a campaign: which station and which reflector each row was measured with."""
+"""Set-ups of a campaign: station and reflector of each row, and how their points scatter."""
 
 from __future__ import annotations
 
@@ -6,9 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from postproc.arrays import IntArray, Rows
+from postproc.arrays import FloatArray, IntArray, Rows
 from postproc.measurement.rows import MeasurementSet
 from postproc.records import dataclass
+
+MEAN_LENGTH = 1.5958
+"""Mean length of a Gaussian vector in space over its sd per axis: of chi with three freedoms."""
+_MEDIAN_LENGTH = 1.5382
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,3 +69,8 @@ def _numbered(
     names = tuple(dict.fromkeys(labels))
     number = {name: k for k, name in enumerate(names)}
     return np.array([number[label] for label in labels], dtype=np.int32), names
+
+
+def robust_sigma(length: FloatArray) -> float:
+    """Return the sd per axis from the lengths (n,) of errors; some of them may be faults."""
+    return float(np.median(length)) / _MEDIAN_LENGTH

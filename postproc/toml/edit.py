@@ -1,4 +1,4 @@
-"""Changing values of a TOML text; everything else, comments too, stays as it stands."""
+"""Writing values as TOML text, and changing those of a text; all else in it stays as it stands."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from collections.abc import Mapping
 from copy import deepcopy
 from typing import Any
 
+import numpy as np
+
 from postproc.errors import DataError
 from postproc.toml.text import Location, Scanner
-from postproc.toml.write import toml_key, toml_value
 
 
 def edited(text: str, changes: Mapping[Location, object]) -> str:
@@ -91,3 +92,56 @@ def _with(text: str, location: Location, value: object) -> str:
         return f"{entry}\n{text}"
     end = text.find("\n", scanner.headers[owner])
     return f"{text}\n{entry}\n" if end < 0 else f"{text[: end + 1]}{entry}\n{text[end + 1 :]}"
+
+
+def toml_table(table: Mapping[str, Any]) -> list[str]:
+    """Return one ``key = value`` text per key, in the table's order.
+
+    Raises:
+        DataError: MOD007 if a value has no form in TOML.
+    """
+    return [f"{toml_key(key)} = {toml_value(value)}" for key, value in table.items()]
+
+
+def toml_key(name: str) -> str:
+    """Return a key, quoted where TOML asks for it."""
+    plain = all(c.isascii() and (c.isalnum() or c in "_-") for c in name)
+    return name if plain and name else _text(name)
+
+
+def toml_value(value: object) -> str:
+    """Return a value: text, number, list, mapping or numpy array.
+
+    Raises:
+        DataError: MOD007 if it has no form in TOML.
+    """
+    if isinstance(value, (np.ndarray, np.generic)):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(toml_table(value)) + " }"
+    if isinstance(value, (list, tuple)):
+        return _list(value)
+    return _scalar(value)
+
+
+def _list(values: list[Any] | tuple[Any, ...]) -> str:
+    rows = [toml_value(value) for value in values]
+    if any(isinstance(value, (list, tuple, np.ndarray)) for value in values):
+        return "[\n" + "".join(f"  {row},\n" for row in rows) + "]"
+    return "[" + ", ".join(rows) + "]"
+
+
+def _scalar(value: object) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return _text(value)
+    if isinstance(value, (int, float)):
+        return repr(value)
+    raise DataError("MOD007", f"a model cannot hold {type(value).__name__} {value!r}")
+
+
+def _text(value: str) -> str:
+    escaped = value.replace("\\", "\\\\").replace('"', '\\"')
+    shown = (c if c >= " " and c != "\x7f" else f"\\u{ord(c):04x}" for c in escaped)
+    return '"' + "".join(shown) + '"'

@@ -9,7 +9,7 @@ from postproc.cell import expanded, find_urdf, load_cell, load_robot, read_urdf_
 from postproc.cli import app
 from postproc.errors import CellError
 from postproc.kinematics import build
-from postproc.kinematics.urdf import load_chain
+from postproc.kinematics.build import load_chain
 from postproc.units import DEG, MM
 from tests.places import SHARED
 

@@ -25,7 +25,7 @@ from postproc.cli.commands.convert import command
 from postproc.errors import PostprocError
 from postproc.jobs.check_cell import check_cell
 from postproc.jobs.convert import ConvertRequest, convert, document
-from postproc.toml.write import toml_table
+from postproc.toml.edit import toml_table
 from tests.kinematics.urdf_text import heavy_urdf
 
 BASE: dict[str, Any] = {

@@ -10,7 +10,7 @@ import re
 
 import pytest
 
-from postproc.readers.apt.word_classes import WORDS, Action
+from postproc.readers.apt.refused import WORDS, Action
 from postproc.readers.apt.words import _HANDLERS
 from tests.jobs.emitted import CELL, converted, program
 

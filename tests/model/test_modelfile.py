@@ -19,7 +19,7 @@ from postproc.model.modelfile import (
     save_model,
     si,
 )
-from postproc.toml.write import toml_key, toml_value
+from postproc.toml.edit import toml_key, toml_value
 
 CONTRACT = """schema = "postproc.model/1"
 [effects.joint_compliance]

@@ -16,7 +16,10 @@ from postproc.planning.checks.feasible import Checker
 from postproc.planning.planner import plan, problem_of
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.solve import solve
-from postproc.planning.states.settings import PlanOptions, settle
+from postproc.planning.states.settings import (
+    PlanOptions,
+    settle,
+)
 from postproc.progress import Clock
 from postproc.units import DEG
 from tools.bench import workload

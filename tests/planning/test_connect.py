@@ -15,7 +15,10 @@ from postproc.planning.route import connect, tree
 from postproc.planning.route.connect import Ends, detours, free_way
 from postproc.planning.route.fold import folded_ways
 from postproc.planning.route.tree import ROUNDS, rrt_connect
-from postproc.planning.states.settings import PlanOptions, settle
+from postproc.planning.states.settings import (
+    PlanOptions,
+    settle,
+)
 from postproc.timing import joint_move_time
 
 

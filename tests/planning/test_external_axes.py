@@ -17,7 +17,7 @@ from postproc.planning import planner
 from postproc.planning.external import planner as external_planner
 from postproc.planning.external import rating
 from postproc.planning.external.carried import Outcome
-from postproc.planning.external.grid import position_grid
+from postproc.planning.external.rating import position_grid
 from postproc.planning.planner import plan
 from postproc.planning.route.travel import cell_at
 from postproc.planning.search.between import carried_twist

@@ -6,7 +6,7 @@ import pytest
 from postproc.planning.checks import Reason
 from postproc.planning.search.between import Interpolation
 from postproc.planning.search.cuts import Judged, Spans
-from postproc.planning.search.failing_cuts import FailingCuts
+from postproc.planning.search.failing import FailingCuts
 
 SPACING = 1e-3
 

@@ -6,7 +6,7 @@ from postproc.cell import parse_cell
 from postproc.planning.planner import checker_of, plan
 from postproc.planning.search.between import Interpolation
 from postproc.planning.search.cuts import judge
-from postproc.planning.search.fans import fan
+from postproc.planning.search.failing import fan
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.states import PlanOptions, settle
 from postproc.readers import read

@@ -12,8 +12,8 @@ from postproc.geometry import twist_about
 from postproc.model import MotionKind
 from postproc.planning.planner import checker_of, plan
 from postproc.planning.search.keytags import dense_key_tags
-from postproc.planning.search.main_spin import main_spins
 from postproc.planning.search.pose_search import PoseSearch
+from postproc.planning.search.roll import main_spins
 from postproc.planning.search.rungs import ROLL_PRICE, STEADY_BAND, Wish
 from postproc.planning.states import PlanOptions, settle
 from postproc.units import DEG, MM

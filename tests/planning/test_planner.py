@@ -14,7 +14,10 @@ from postproc.kinematics import build
 from postproc.model.plan import MoveKind, MoveRole
 from postproc.model.toolpath import Arcs, Cycle, Event, EventKind, MotionKind
 from postproc.planning.planner import plan
-from postproc.planning.states.settings import PlanOptions, settle
+from postproc.planning.states.settings import (
+    PlanOptions,
+    settle,
+)
 from postproc.units import DEG
 
 FRONT = np.array([-1.0, 0.0, 0.0])

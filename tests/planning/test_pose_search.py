@@ -15,7 +15,10 @@ from postproc.planning.planner import problem_of
 from postproc.planning.search.pose_search import PoseSearch, _within, travel
 from postproc.planning.solve import solve
 from postproc.planning.states import TRAVEL_UNIT, evaluate
-from postproc.planning.states.settings import PlanOptions, settle
+from postproc.planning.states.settings import (
+    PlanOptions,
+    settle,
+)
 from postproc.progress import Clock
 from postproc.units import DEG
 

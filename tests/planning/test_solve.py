@@ -15,7 +15,10 @@ from postproc.planning.planner import checker_of, plan
 from postproc.planning.route import Gap
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.search.rungs import Parted, beside
-from postproc.planning.states.settings import PlanOptions, settle
+from postproc.planning.states.settings import (
+    PlanOptions,
+    settle,
+)
 from postproc.progress import Clock
 from postproc.readers import read
 from postproc.units import DEG

@@ -13,10 +13,13 @@ from postproc.collision.scene import Scene
 from postproc.kinematics import build
 from postproc.model.toolpath import Cycle, MotionKind
 from postproc.planning.checks import MORE_CLEARANCE
-from postproc.planning.checks.grade import Grade, grade_counts, grades
+from postproc.planning.checks.working import Grade, grade_counts, grades
 from postproc.planning.maps.spin_map import SpinClass, spin_map
 from postproc.planning.planner import plan, problem_of
-from postproc.planning.states.settings import PlanOptions, settle
+from postproc.planning.states.settings import (
+    PlanOptions,
+    settle,
+)
 from postproc.readers import read
 from postproc.units import DEG
 from tests.places import FIXTURES

@@ -16,7 +16,10 @@ from postproc.planning import planner, repairs
 from postproc.planning.attempt import Attempt
 from postproc.planning.planner import checker_of, plan, problem_of
 from postproc.planning.search.pose_search import PoseSearch
-from postproc.planning.states.settings import PlanOptions, settle
+from postproc.planning.states.settings import (
+    PlanOptions,
+    settle,
+)
 from postproc.planning.states.tilt import FEW_TILTS, MOST_TILTS, feed_directions, tilt_grid
 from postproc.units import DEG
 

@@ -5,7 +5,10 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from postproc.planning.checks.feasible import Checker, Lines, Reason, Verdict
 from postproc.planning.planner import problem_of
-from postproc.planning.states.settings import PlanOptions, settle
+from postproc.planning.states.settings import (
+    PlanOptions,
+    settle,
+)
 from postproc.units import DEG
 
 COUNT, DENSE = 1500, 200

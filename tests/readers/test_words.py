@@ -3,7 +3,7 @@
 import pytest
 
 from postproc.model import WordClass
-from postproc.readers.apt.word_classes import WORDS, Action
+from postproc.readers.apt.refused import WORDS, Action
 
 HEAD = "UNITS/MM\nSPINDL/1000,RPM,CLW\nFEDRAT/100,MMPM\nGOTO/1,2,3\n"
 DOCUMENTED = {

@@ -13,7 +13,7 @@ import pytest
 from PIL import Image
 
 from postproc.cli import app
-from postproc.planning.checks.grade import Grade
+from postproc.planning.checks.working import Grade
 from postproc.planning.maps.spin_map import SpinClass, SpinMap
 from postproc.report.parts.spin_map_picture import CLASS_COLOURS, columns_of, draw
 from tests.places import PANEL, PANEL_CELL

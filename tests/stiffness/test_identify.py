@@ -15,9 +15,8 @@ from postproc.stiffness.identify.cases import clusters, load_cases
 from postproc.stiffness.identify.constant import fit_constant
 from postproc.stiffness.identify.continuous import fit_continuous
 from postproc.stiffness.identify.document import identify_document, warnings
-from postproc.stiffness.identify.estimates import constant_estimates, field_estimates
 from postproc.stiffness.identify.gridded import fit_grid, grid_over, members
-from postproc.stiffness.identify.identify import identify
+from postproc.stiffness.identify.identify import constant_estimates, field_estimates, identify
 from postproc.stiffness.identify.models import IdentifyOptions, folds
 from postproc.stiffness.identify.observability import Visibility
 from tools.dev.hidden_twin import Twin

@@ -88,7 +88,7 @@ OFF: dict[str, tuple[Switch, ...]] = {
     ),
     "without roll": (("postproc.planning.attempt", "without_roll", _nothing),),
     "fan": ((SEARCH + "pose_search", "fan", _nothing),),
-    "alike": ((SEARCH + "fans", "_alike", lambda s, rung, a, b: np.zeros((0, 2), int)),),
+    "alike": ((SEARCH + "failing", "_alike", lambda s, rung, a, b: np.zeros((0, 2), int)),),
     "hopeless": (
         (SEARCH + "between", "hopeless", lambda problem, way: np.zeros(len(problem), int)),
     ),
@@ -96,7 +96,7 @@ OFF: dict[str, tuple[Switch, ...]] = {
     "far along": ((SEARCH + "pose_search", "_FARTHEST", 2),),
     "taken out": (
         (
-            SEARCH + "failing_cuts.FailingCuts",
+            SEARCH + "failing.FailingCuts",
             "taken_out",
             lambda self, spans, judged: ~judged.good(len(spans)),
         ),

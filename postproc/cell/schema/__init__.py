@@ -4,14 +4,15 @@ This is the only place where a key of the cell is described and has its default;
 is generated from it. ``postproc.cell.options`` and ``postproc.cell.file`` turn it into SI units.
 """
 
-from postproc.cell.schema.cellfile import CellFile
+from postproc.cell.schema.cellfile import (
+    CellFile,
+    CutterTable,
+    ImportTable,
+    ToolTable,
+    WorkpieceTable,
+)
 from postproc.cell.schema.krl import HooksTable, KrlTable
-from postproc.cell.schema.motion import MotionTable
+from postproc.cell.schema.motion import MotionTable, ProcessTable
 from postproc.cell.schema.optimize import LimitsTable, OptimizeTable
-from postproc.cell.schema.process import ProcessTable
-from postproc.cell.schema.reading import ImportTable
 from postproc.cell.schema.robot import DimensionsTable, ExternalAxisTable, RobotTable
-from postproc.cell.schema.solid import Solid, ToolSolid
-from postproc.cell.schema.table import Placement, Table, default_of
-from postproc.cell.schema.tool import CutterTable, ToolTable
-from postproc.cell.schema.workpiece import WorkpieceTable
+from postproc.cell.schema.table import Placement, Solid, Table, ToolSolid, default_of

@@ -8,18 +8,133 @@ from pydantic import Field, model_validator
 
 from postproc.cell.choices import HomeStyle
 from postproc.cell.schema.krl import KrlTable
-from postproc.cell.schema.motion import MotionTable
+from postproc.cell.schema.motion import MotionTable, ProcessTable
 from postproc.cell.schema.optimize import LimitsTable, OptimizeTable
-from postproc.cell.schema.process import ProcessTable
-from postproc.cell.schema.reading import ImportTable
 from postproc.cell.schema.robot import ExternalAxisTable, RobotTable
-from postproc.cell.schema.solid import Solid
-from postproc.cell.schema.table import EMPTY, SixPositive, Table, Text, Vector
-from postproc.cell.schema.tool import ToolEntry, ToolTable
-from postproc.cell.schema.workpiece import WorkpieceTable
+from postproc.cell.schema.table import (
+    EMPTY,
+    AxisName,
+    CamNames,
+    NotNegative,
+    Placement,
+    Positive,
+    SixPositive,
+    Solid,
+    Table,
+    Text,
+    ToolSolid,
+    Vector,
+)
 
 ALONG_Z: Any = {"axis": "+z"}
 """A tool of which no key is given, for the reason of ``EMPTY``."""
+
+
+class CutterTable(Table):
+    """The solid of a cutter: a cylinder from the TCP back against the tool axis."""
+
+    diameter_mm: Positive = Field(description="diameter [mm]")
+    length_mm: Positive = Field(description="length from the TCP to the holder [mm]")
+
+
+class ToolTable(Table):
+    """A tool on the flange."""
+
+    number: Annotated[int, Field(ge=1, le=128)] = Field(default=1, description="KUKA TOOL number")
+    name: Text = Field(default="tool", description="name of the tool")
+    cam: CamNames = Field(
+        default=[],
+        description="numbers and names by which CAM files call this tool; each suffices",
+    )
+    frame: Placement = Field(
+        default=Placement(), description="TCP in the flange, as in KUKA's TOOL_DATA"
+    )
+    axis: AxisName | None = Field(
+        default=None,
+        description="axis of the TCP frame that points out of the tool into the part; without it "
+        "no job can use the tool",
+    )
+    mass_kg: NotNegative | None = Field(default=None, description="mass of the tool [kg]")
+    cog_mm: Vector | None = Field(default=None, description="centre of gravity in the flange [mm]")
+    inertia_kg_m2: Annotated[list[NotNegative], Field(min_length=3, max_length=3)] | None = Field(
+        default=None, description="principal inertia of the tool for LOAD_DATA [kg*m^2]"
+    )
+    meshes: list[ToolSolid] = Field(default=[], description="solids of the tool, in the flange")
+    cutter: CutterTable | None = Field(
+        default=None,
+        description="solid of the cutter, which may touch the workpiece during a cut: a cylinder "
+        "from the TCP back against the tool axis",
+    )
+    spindle: Literal["cw", "ccw"] = Field(
+        default="cw",
+        description="which way the tool cuts, seen from the spindle towards the tool; a CAM file "
+        "that turns it the other way is refused",
+    )
+
+
+class ToolEntry(ToolTable):
+    """One of several tools."""
+
+    stand: Placement | None = Field(
+        default=None,
+        description="where the flange of the tool is in the world while it is not mounted; its "
+        "solids are obstacles there; without it they are not looked at",
+    )
+
+
+class ImportTable(Table):
+    """How CAM files are read where the call does not say; the same keys as its options."""
+
+    format: Text = Field(
+        default="auto", description="auto, apt, csv, delmia, gcode or another one of plugins"
+    )
+    dialect: Text | None = Field(
+        default=None, description="dialect of APT or G-code; default: as the file shows"
+    )
+    units: Literal["mm", "inch", "m"] | None = Field(
+        default=None, description="unit of length where the CAM file names none"
+    )
+    columns: Text | None = Field(
+        default=None, description="columns of a CSV, e.g. id,x,y,z,i,j,k,-,depth; - is none"
+    )
+    cycle_words: Text | None = Field(
+        default=None,
+        description="meaning of the numbers of a positional drill cycle, e.g. depth,clearance,feed",
+    )
+    feed_units: Literal["mm", "inch"] | None = Field(
+        default=None, description="per minute, where FEDRAT and UNITS of a CAM file contradict"
+    )
+    arc_sense: Literal["ccw", "cw"] | None = Field(
+        default=None,
+        description="way of arcs about their vector where their records leave it open, as half "
+        "turns do; default: as the rest of the file shows",
+    )
+    head: Text | None = Field(
+        default=None,
+        description="rotary axes of the head of the machine that G-code was posted for, from the "
+        "machine to the tool, each with the sense and CAM axis about which a growing angle turns "
+        "the tool: C+z B+y; tip behind them: X, Y, Z are of the tool tip without G43.4 too",
+    )
+    task: Text | None = Field(
+        default=None, description="DELMIA task to read instead of all that no other one calls"
+    )
+    accept_words: list[Text] = Field(
+        default=[], description="words of CAM files that are known to be harmless; others stop"
+    )
+
+
+class WorkpieceTable(Table):
+    """A workpiece."""
+
+    number: Annotated[int, Field(ge=1, le=128)] = Field(default=1, description="KUKA BASE number")
+    name: Text | None = Field(default=None, description="name of the base, as on the controller")
+    cam: CamNames = Field(
+        default=[], description="names by which CAM files call this setup; each suffices"
+    )
+    frame: Placement = Field(default=Placement(), description="CAM coordinates in the robot root")
+    meshes: list[Solid] = Field(
+        default=[], description="solids of the workpiece, in CAM coordinates"
+    )
 
 
 class StiffnessTable(Table):

@@ -7,12 +7,12 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from postproc.cell.choices import RobotSolids
-from postproc.cell.schema.solid import LinkSolid
 from postproc.cell.schema.table import (
     CHOICE,
     AngleRange,
     AxisName,
     Length,
+    LinkSolid,
     Placement,
     Positive,
     SixPositive,

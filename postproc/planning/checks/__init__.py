@@ -1,6 +1,7 @@
 """Which states and motions are allowed, and why not."""
 
 from postproc.planning.checks.explain import (
+    LEAD_OUT,
     LOWER,
     Break,
     Evidence,
@@ -20,12 +21,13 @@ from postproc.planning.checks.feasible import (
     Verdict,
     poses_between,
 )
-from postproc.planning.checks.grade import (
+from postproc.planning.checks.working import (
     CLOSE,
     NEAR,
     Grade,
     grade_counts,
     grades,
+    moves_of_tags,
+    near_solids,
+    tag_clearances,
 )
-from postproc.planning.checks.remedy import LEAD_OUT
-from postproc.planning.checks.working import moves_of_tags, near_solids, tag_clearances

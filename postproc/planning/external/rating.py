@@ -6,6 +6,7 @@ which the axes may move, or that were refused.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import field, replace
 
@@ -18,7 +19,6 @@ from postproc.ladder import Rule
 from postproc.model import ToolPath
 from postproc.paths import top_speeds
 from postproc.planning.checks import Checker
-from postproc.planning.external.grid import distinct, grid_step, position_grid
 from postproc.planning.search import arc_length, best_of, spaced, step_rules
 from postproc.planning.states import Problem, Settings, evaluate, sample
 from postproc.process import feeds_of
@@ -42,6 +42,12 @@ KNOT_TURN = 10.0 * DEG
 _TURN_LENGTH = 0.1
 """A radian that the tool axis turns counts as so much way [m]."""
 CheckerAt = Callable[[FloatArray], Checker]
+
+RAIL_STEP = 0.25
+"""Distance [m] between positions on a rail."""
+TURN_STEP = 30.0 * DEG
+"""Angle between positions of a positioner."""
+MOST_POSITIONS = 400
 
 
 @dataclass(slots=True)
@@ -228,3 +234,39 @@ def _least_cost(problem: Problem, tags: IndexArray, settings: Settings) -> Float
     cost = np.full(len(tags), np.inf)
     cost[row] = evaluate(problem, tags[row], attitude[:, 0], T, q)[0]
     return cost
+
+
+def position_grid(cell: Cell, finer: int = 1, most: int = MOST_POSITIONS) -> FloatArray:
+    """Return the grid of positions (g, k): 0 among each axis' values where its range holds it.
+
+    Args:
+        cell: with its external axes.
+        finer: by how much its steps are shorter than usual, as far as ``most`` allows.
+        most: about so many positions at most.
+    """
+    columns = []
+    share = most ** (1.0 / len(cell.external_axes))
+    for axis, step in zip(cell.external_axes, (grid_step(cell) / finer).tolist(), strict=True):
+        step = max(step, (axis.q_max - axis.q_min) / max(share - 1.0, 1.0))
+        low, high = np.ceil(axis.q_min / step - 1e-9), np.floor(axis.q_max / step + 1e-9)
+        inner = np.arange(low, high + 1) * step
+        columns.append(np.unique(np.concatenate([[axis.q_min], inner, [axis.q_max]])))
+    return np.array(list(itertools.product(*(column.tolist() for column in columns))))
+
+
+def grid_step(cell: Cell) -> FloatArray:
+    """Return the usual step (k,) of the grid of each axis."""
+    return np.array(
+        [RAIL_STEP if axis.kind == "rail" else TURN_STEP for axis in cell.external_axes]
+    )
+
+
+def distinct(problem: Problem, values: FloatArray) -> tuple[IndexArray, IndexArray]:
+    """Return the first position (d,) of each kind, and of which kind each (g,) is.
+
+    Whole turns of a positioner bring the work to where it was.
+    """
+    bases = np.round(problem.placement.base(values).reshape(len(values), 16), 9)
+    seen: dict[bytes, int] = {}
+    of_kind = np.array([seen.setdefault(row.tobytes(), len(seen)) for row in bases + 0.0])
+    return np.unique(of_kind, return_index=True)[1], of_kind

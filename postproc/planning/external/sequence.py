@@ -12,8 +12,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray, IndexArray
 from postproc.geometry import angle_between
-from postproc.planning.external.grid import grid_step
-from postproc.planning.external.rating import UNREACHED, Rating
+from postproc.planning.external.rating import UNREACHED, Rating, grid_step
 from postproc.records import dataclass
 
 CHANGE = 3.0

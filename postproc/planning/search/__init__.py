@@ -18,9 +18,8 @@ from postproc.planning.search.loss import (
     loss_of,
     loss_report,
 )
-from postproc.planning.search.main_spin import main_spins
 from postproc.planning.search.pose_search import PoseSearch, travel
-from postproc.planning.search.roll import without_roll
+from postproc.planning.search.roll import main_spins, without_roll
 from postproc.planning.search.round_spins import between_round, on_round_spins
 from postproc.planning.search.rungs import (
     ARM,

@@ -13,12 +13,10 @@ from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IndexArray, numb
 from postproc.ladder import NONE, Found, Ladder, Rule, free_path
 from postproc.planning.checks import Checker, Evidence, Reason
 from postproc.planning.search.between import Interpolation
-from postproc.planning.search.breaks import break_at
 from postproc.planning.search.bridges import Bridges
 from postproc.planning.search.cuts import Spans, fill, judge
 from postproc.planning.search.edges import Edges
-from postproc.planning.search.failing_cuts import SHORT, FailingCuts
-from postproc.planning.search.fans import fan
+from postproc.planning.search.failing import SHORT, FailingCuts, break_at, fan
 from postproc.planning.search.rungs import (
     STUCK,
     Parted,

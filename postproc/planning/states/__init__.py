@@ -9,7 +9,6 @@ from postproc.planning.states.costs import (
     StateContext,
     Weights,
 )
-from postproc.planning.states.given import strokes_into, take_joints
 from postproc.planning.states.merge import merged, sample_on
 from postproc.planning.states.moves import Chosen, Moves, in_order, moves
 from postproc.planning.states.place import (
@@ -25,14 +24,18 @@ from postproc.planning.states.place import (
     stand_ins,
 )
 from postproc.planning.states.postures import Postures, postures
-from postproc.planning.states.pricing import context_of, evaluate
+from postproc.planning.states.pricing import context_of, evaluate, strokes_into, take_joints
 from postproc.planning.states.problem import (
     HELD,
     Problem,
     path_normals,
     stiffness_of,
 )
-from postproc.planning.states.settings import PlanOptions, Settings, settle
+from postproc.planning.states.settings import (
+    PlanOptions,
+    Settings,
+    settle,
+)
 from postproc.planning.states.stroke import Strokes
 from postproc.planning.states.stroke_ends import StrokeEnds
 from postproc.planning.states.tilt import (

@@ -15,10 +15,9 @@ import numpy as np
 from postproc.model import ToolPath, WordClass
 from postproc.readers.apt.dialect import Dialect
 from postproc.readers.apt.finish import finished_toolpath
-from postproc.readers.apt.lines import statement_blocks
 from postproc.readers.apt.motion import MotionReader, Motions
 from postproc.readers.apt.nurbs import close_spline
-from postproc.readers.apt.scan import CIRCLE, COMMENT, GOTO, RAPID, Scan, scan
+from postproc.readers.apt.scan import CIRCLE, COMMENT, GOTO, RAPID, Scan, scan, statement_blocks
 from postproc.readers.apt.seats import dialect_of
 from postproc.readers.apt.state import AptState
 from postproc.readers.apt.words import check_homes, comment, handle, settle_tools, unit_name

@@ -7,6 +7,7 @@ commas and evaluated by columns; every line that is in any way unusual takes the
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import field
 from functools import lru_cache
 
@@ -14,14 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from postproc.arrays import BoolArray, ByteArray, FloatArray, IndexArray
-from postproc.readers.apt.lines import is_continued
 from postproc.readers.apt.statement import Statement, is_free_text, parse_statement
 from postproc.readers.text import (
     LARGEST,
     Faults,
     TextBlock,
     check_line_length,
+    last_line_end,
     parse_tokens,
+    text_blocks,
     trim_end,
     trim_start,
 )
@@ -224,3 +226,28 @@ def _statements(
 
 
 _parsed = lru_cache(maxsize=1 << 14)(parse_statement)
+
+
+def statement_blocks(path: str) -> Iterator[TextBlock]:
+    """Yield the lines of a file in blocks that end between two statements."""
+    return text_blocks(path, _cut)
+
+
+def _cut(data: bytes) -> int:
+    """Return where the last statement that is surely whole ends."""
+    end = last_line_end(data)
+    while end:
+        previous = data.rfind(b"\n", 0, end - 1) + 1
+        if not is_continued(data[previous:end]):
+            break
+        end = previous
+    return end
+
+
+def is_continued(line: bytes) -> bool:
+    """Return whether a single ``$`` asks for the next line to be appended."""
+    text = line.strip()
+    if text.startswith(b"$$"):
+        return text.startswith(b"$$->") and text.endswith(b"$")
+    at = text.find(b"$")
+    return at >= 0 and text[at : at + 2] != b"$$"

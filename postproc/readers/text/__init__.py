@@ -7,6 +7,5 @@ from postproc.readers.text.blocks import (
     last_line_end,
     text_blocks,
 )
-from postproc.readers.text.decimals import LARGEST, parse_number, parse_tokens
+from postproc.readers.text.decimals import LARGEST, parse_number, parse_tokens, trim_end, trim_start
 from postproc.readers.text.faults import Faults, shortened
-from postproc.readers.text.spans import trim_end, trim_start

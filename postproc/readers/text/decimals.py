@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from postproc.arrays import BoolArray, ByteArray, FloatArray, IndexArray
-from postproc.readers.text.spans import trim_end, trim_start
 
 LARGEST = 1e9
 """No coordinate, feed or length of a real file comes near this [file units]."""
@@ -26,6 +25,9 @@ _EXACT = 1 << 53
 _CHUNK = 1 << 14
 _MINUS, _PLUS = 45, 43
 _POWERS = 10.0 ** np.arange(_WIDTH)
+
+BLANK = 32
+"""Space; every byte up to it counts as blank."""
 
 
 def _word(byte: int) -> np.uint64:
@@ -155,3 +157,30 @@ def _parse_rest(
         value = cache[raw]
         if value is not None:
             values[i], valid[i] = value, True
+
+
+def trim_start(buffer: ByteArray, starts: IndexArray, ends: IndexArray) -> IndexArray:
+    """Return starts (n,) moved past the blanks of each span ``buffer[starts:ends]``."""
+    if len(buffer) == 0:
+        return starts
+    moved = np.array(starts)
+    last = len(buffer) - 1
+    rows = np.flatnonzero((buffer[np.minimum(moved, last)] <= BLANK) & (moved < ends))
+    while len(rows):
+        moved[rows] += 1
+        at = moved[rows]
+        rows = rows[(buffer[np.minimum(at, last)] <= BLANK) & (at < ends[rows])]
+    return moved
+
+
+def trim_end(buffer: ByteArray, starts: IndexArray, ends: IndexArray) -> IndexArray:
+    """Return ends (n,) moved before the blanks of each span ``buffer[starts:ends]``."""
+    if len(buffer) == 0:
+        return ends
+    moved = np.array(ends)
+    rows = np.flatnonzero((buffer[np.maximum(moved - 1, 0)] <= BLANK) & (moved > starts))
+    while len(rows):
+        moved[rows] -= 1
+        at = moved[rows]
+        rows = rows[(buffer[np.maximum(at - 1, 0)] <= BLANK) & (at > starts[rows])]
+    return moved

@@ -1,23 +1,34 @@
-"""Which other steps to look at when steps between two tags fail.
+"""Steps and cuts that fail: which others to look at, what is taken out, and why none leads on.
 
 A step that meets something mostly has neighbours that meet it as well. Were each of them left to
 the search it would try one after the other, and between two tags there are hundreds of thousands.
+
+The best way along an obstacle turns the tool no earlier than it must. Between two key tags that is
+mostly too late for some of the tags inside; turned one key tag earlier it costs next to nothing. So
+a cut that fails inside is taken out first. Only where the way found instead is dear, or where cuts
+fail over and over, tags inside become key tags.
+
+Where no cut leads on, the poses before it are carried on without a turn of the tool about its axis:
+every turn was refuted, what stops the tool without one is what a person can change.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from postproc.arrays import BoolArray, IndexArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.ladder import Failing, Steps
-from postproc.planning.search.cuts import judge
+from postproc.planning.checks import Break, Reason
+from postproc.planning.search.between import Interpolation
+from postproc.planning.search.cuts import Judged, Spans, judge
 from postproc.records import dataclass
 
 if TYPE_CHECKING:
     from postproc.planning.search.pose_search import PoseSearch
+
 
 _OFTEN, _MANY = 4, 5000
 """Every so often the cheapest steps between two tags are checked, so many of them at most ..."""
@@ -27,6 +38,47 @@ _MOSTLY = 0.5
 """... and twice as many again while more than this share of them fails."""
 _ALIKE = 0.6
 """Steps are alike if no joint at either end differs by more [rad]."""
+
+_ALL = 8
+"""All tags inside a cut of no more become key tags."""
+SHORT = 0.05
+"""A longer cut [m] is not taken out: its key tags are to stay as they are."""
+_TRIES, _NEAR = 8, 0.06
+"""Where so many cuts were taken out within so much way [m], key tags are added."""
+
+_MOST = 1000
+"""So many poses at most are carried on."""
+
+
+@dataclass(slots=True)
+class FailingCuts:
+    """Cuts between key tags that failed inside.
+
+    ``longest`` [m]: no longer ones are taken out. ``wanted``: tags that would have to be key tags
+    for a cut to be run; ``places`` [m]: where cuts were taken out.
+    """
+
+    between: Interpolation
+    longest: float = SHORT
+    wanted: set[int] = field(default_factory=set)
+    places: list[float] = field(default_factory=list)
+
+    def taken_out(self, spans: Spans, judged: Judged) -> BoolArray:
+        """Return which of spans (m,) that fail are to be taken out; notes what others want."""
+        result = ~judged.good(len(spans))
+        way, bad = self.between.way, np.flatnonzero(judged.reason != Reason.NONE)
+        places = np.array(self.places)
+        for i in np.flatnonzero(result & (spans.last - spans.first > 1)).tolist():
+            first, last = int(spans.first[i]), int(spans.last[i])
+            near = np.abs(places - way[last]) < _NEAR
+            is_short = way[last] - way[first] <= self.longest and self.between.is_cut[last]
+            if is_short and near.sum() < _TRIES:
+                self.places.append(float(way[last]))
+            else:
+                rows = bad[slice(*np.searchsorted(judged.rows.span[bad], [i, i + 1]))]
+                self.wanted |= _inside(first, last, judged.rows.tag[rows])
+                result[i] = False
+        return result
 
 
 @dataclass(slots=True)
@@ -145,3 +197,69 @@ def _open(search: PoseSearch, states: IndexArray, like: int, end: int) -> BoolAr
     width = search.states.spins.shape[-1]
     near &= search.states.column[states] // width == search.states.column[like] // width
     return np.asarray(near & (search.states.branch[states] == search.states.branch[like]))
+
+
+def _inside(first: int, last: int, bad: IndexArray) -> set[int]:
+    """Return some of the tags (k,) at which a span fails, or tags beside them."""
+    if last - first <= _ALL:
+        return set(range(first + 1, last))
+    wish = {int(bad[0]) - 1, int(bad[0]), int(bad[len(bad) // 2]), int(bad[-1])}
+    return {at for at in wish if first < at < last} or {(first + last) // 2}
+
+
+def break_at(search: PoseSearch, row: int) -> Break:
+    """Return what stops the poses before a key tag into which no cut leads."""
+    states, problem = search.states, search.checker.problem
+    before = np.arange(states.offsets[row - 1], states.offsets[row])
+    before = before[np.isfinite(search.ladder.value[before])]
+    before = before[np.unique(np.linspace(0, len(before) - 1, _MOST).astype(np.int64))]
+    m = len(before)
+    on_the_way = np.arange(int(search.tags[row - 1]) + 1, int(search.tags[row]) + 1)
+    why = Reason(int(search.between.hopeless[on_the_way].max()))
+    if m and why is not Reason.NONE:  # such a way may be endless
+        return Break(m, {why: m}, -1, 0.0, 0, 0.0)
+    first, last = (np.full(m, int(search.tags[at])) for at in (row - 1, row))
+    attitude = states.attitude_of(before)
+    onward = attitude.copy()
+    onward[:, 0] = search.between.spin_of(last, attitude[:, 0] + search.between.carried[first])
+    onward[~search.between.may_tilt[last], 1:] = 0.0
+    if search.pinned[row]:
+        onward[:, 0] = states.spin_of(np.full(m, states.offsets[row]))
+    q, branch = states.q[before].astype(np.float64), states.branch[before].astype(np.int64)
+    T, external = problem.placement.tcp(last, onward), problem.placement.external[last]
+    q_last, _ = problem.solve(T, external, branch, q)
+    spans = Spans(first, last, attitude, onward, q, q_last, branch)
+    return _told(search, judge(search.checker, search.between, spans), m)
+
+
+def _told(search: PoseSearch, judged: Judged, count: int) -> Break:
+    bad = np.flatnonzero(judged.reason != Reason.NONE)
+    bad = bad[np.unique(judged.rows.span[bad], return_index=True)[1]]
+    reason, pairs = judged.reason[bad], judged.pair[bad]
+    counts = {why: int((reason == why).sum()) for why in Reason if (reason == why).any()}
+    pairs, times = np.unique(pairs[pairs >= 0], return_counts=True)
+    over, axis = _over(search, judged.q[bad[reason == Reason.JOINT_LIMIT]])
+    bent = np.abs(judged.q[bad[reason == Reason.SINGULAR], 4])
+    return Break(
+        count,
+        counts,
+        int(pairs[np.argmax(times)]) if len(pairs) else -1,
+        over,
+        axis,
+        float(bent.max(initial=0.0)),
+    )
+
+
+def _over(search: PoseSearch, q: FloatArray) -> tuple[float, int]:
+    """Return by how much the least of joints (k, 6) is beyond its limits [rad], and which axis.
+
+    0 where none of them is: those broke a limit on their way.
+    """
+    arm = search.checker.problem.kinematics
+    margin = search.checker.problem.cell.limits.joint_margin
+    beyond = np.maximum(np.asarray(arm.q_min) + margin - q, q - np.asarray(arm.q_max) + margin)
+    beyond = beyond[beyond.max(axis=1) > 0.0]
+    if not len(beyond):
+        return 0.0, 0
+    least = int(np.argmin(beyond.max(axis=1)))
+    return float(beyond[least].max()), int(np.argmax(beyond[least]))
