@@ -148,7 +148,8 @@ def diagnose(
         DataError: if a file is wrong or lacks a column, or the campaigns share no rows (GAP008).
     """
     kinematics = build(cell.robot)
-    rows = readings(measurements, kinematics, cell, model, register)
+    whole = bool(before) or self_check_trials > 0
+    rows = readings(measurements, kinematics, cell, model, register, any_reading=not whole)
     promise = None
     if before:
         earlier = readings(before, kinematics, cell, None, register)

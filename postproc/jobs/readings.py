@@ -10,6 +10,7 @@ from postproc.kinematics import Kinematics
 from postproc.measurement import (
     MeasurementSet,
     only_points,
+    only_told,
     read_campaign,
     repaired,
     without_copies,
@@ -24,10 +25,11 @@ def readings(
     model: ModelFile | None = None,
     register: bool = False,
     every_row: bool = False,
+    any_reading: bool = False,
 ) -> MeasurementSet:
     """Return the rows of one campaign, in the units of their columns; remarks say what was wrong.
 
-    Unless ``every_row``, all of them have three coordinates.
+    Unless ``every_row`` or ``any_reading``, all of them have three coordinates.
 
     Args:
         paths: the files.
@@ -36,6 +38,7 @@ def readings(
         model: its registration says where the readings are; None: in the robot root.
         register: the measured frame is unknown.
         every_row: the answer has a line for each row: none is left out.
+        any_reading: rows may read one or two numbers of their point, or its distance.
 
     Raises:
         DataError: if a file is wrong or lacks a column; for ``every_row`` if a row lacks a joint
@@ -43,6 +46,7 @@ def readings(
     """
     rows = read_campaign(paths, set_aside=not every_row)
     if not every_row:
-        rows = only_points(without_copies(rows))
+        rows = without_copies(rows)
+        rows = only_told(rows) if any_reading else only_points(rows)
     frame = None if register or model is None else model.registration
     return repaired(rows, kinematics, cell, register, frame)

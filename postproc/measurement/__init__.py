@@ -13,9 +13,12 @@ from postproc.measurement.columns import (
 from postproc.measurement.datum import BaseFit, DatumPoints, fit_base, read_datum_points
 from postproc.measurement.fill_in import cells, table_to_fill_in
 from postproc.measurement.readings import (
+    Readings,
     has_points,
     only_points,
+    only_told,
     readings_of,
+    reads_points,
 )
 from postproc.measurement.registration import (
     fit_registration,

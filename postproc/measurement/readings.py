@@ -62,6 +62,14 @@ class Readings:
         """Return the number of readings."""
         return len(self.row)
 
+    @property
+    def known(self) -> Readings:
+        """The readings that tell of their point alone: of no unknown origin or plane."""
+        k = np.flatnonzero(self.at < 0)
+        row, value, sigma = self.row[k], self.value[k], self.sigma[k]
+        way, origin, at, planar = self.way[k], self.origin[k], self.at[k], self.planar[k]
+        return Readings(row, value, sigma, way, origin, at, planar, (), 0)
+
     def misfit(self, p: FloatArray, x: FloatArray | None = None) -> FloatArray:
         """Return (m,) what points (n, 3) would read minus what was read [m]."""
         return self._at(p, x)[0]
@@ -231,6 +239,23 @@ def _numbered(parts: list[_Part]) -> Readings:
 def has_points(measured: MeasurementSet) -> BoolArray:
     """Return (n,) the rows that have all three coordinates."""
     return np.asarray(np.isfinite(measured.position).all(axis=1))
+
+
+def reads_points(measured: MeasurementSet, instrument: Instrument) -> bool:
+    """Return whether rows read three coordinates of one sd each, and nothing beside."""
+    tracker = instrument.is_known and measured.sigma is None
+    more = measured.along is not None or measured.origin is not None or measured.sigmas is not None
+    return bool(has_points(measured).all()) and not more and not tracker
+
+
+def only_told(measured: MeasurementSet) -> MeasurementSet:
+    """Return the rows that read of their point alone, the others left out with a remark."""
+    told = np.isin(np.arange(len(measured)), readings_of(measured).known.row)
+    if told.all():
+        return measured
+    ids = tuple(measured.ids[k] for k in np.flatnonzero(~told))
+    text = "read against an origin or plane that is not known; the rows are left out"
+    return measured.rows(told).with_remark(Remark("blank", ids, text))
 
 
 def only_points(measured: MeasurementSet) -> MeasurementSet:

@@ -57,6 +57,15 @@ def loop(world, kinematics, cell, tmp_path_factory):
     return write, data, moved, measured, aim, truth
 
 
+@pytest.fixture(scope="module")
+def told(loop, cell, kinematics):
+    """What the first campaign is told, once for all that may come of it."""
+    write, data, _, measured, *_ = loop
+    return diagnose(
+        pose_problem(read_campaign([write("told.csv", data, measured(data))]), kinematics, cell)
+    )
+
+
 def answer(capsys, *words):
     assert run(["diagnose", *map(str, words), *CELL, "--json"]) == 0
     return json.loads(capsys.readouterr().out)["before"]
@@ -81,12 +90,9 @@ def test_a_compensation_that_works_keeps_its_promise(loop, capsys):
 
 
 @pytest.mark.slow
-def test_the_promise_is_for_the_points_that_are_compared(loop, cell, kinematics):
+def test_the_promise_is_for_the_points_that_are_compared(loop, told):
     """Of points with small gaps less goes away; the interval holds nine of ten readings."""
-    _, data, moved, measured, aim, _ = loop
-    write = loop[0]
-    rows = read_campaign([write("many.csv", data, measured(data))])
-    told = diagnose(pose_problem(rows, kinematics, cell))
+    write, data, moved, measured, aim, _ = loop
     gap = np.linalg.norm(measured(data) - aim, axis=1)
     inside, promised = [], []
     for half in (np.argsort(gap)[:40], np.argsort(gap)[-40:]):
@@ -101,24 +107,21 @@ def test_the_promise_is_for_the_points_that_are_compared(loop, cell, kinematics)
 
 
 @pytest.mark.parametrize("name", ["joint_offset", "joint_compliance"])
-def test_an_arm_that_has_changed_in_between_breaks_it(loop, world, capsys, name):
-    write, data, moved, measured, _, truth = loop
+def test_an_arm_that_has_changed_in_between_breaks_it(loop, world, told, name):
+    write, data, moved, _, _, truth = loop
     rng = np.random.default_rng(61)
     changed = copy.deepcopy(truth)
     put = world.effect(name, rng)
     put(changed, world.scaled(put, data, 4e-5))
     points = world.solve(changed, moved) + rng.normal(0, NOISE, (160, 3))
-    got = answer(
-        capsys, write("a.csv", moved, points), "--before", write("b.csv", data, measured(data))
-    )
+    got = kept(told, read_campaign([write("a.csv", moved, points)])).entry()
     assert not got["kept"]
     assert got["shrinkage"] > 0.5
 
 
-def test_a_program_that_was_not_compensated_does_not(loop, capsys):
+def test_a_program_that_was_not_compensated_does_not(loop, told):
     write, data, _, measured, _, _ = loop
-    before, after = write("b.csv", data, measured(data)), write("a.csv", data, measured(data))
-    got = answer(capsys, after, "--before", before)
+    got = kept(told, read_campaign([write("a.csv", data, measured(data))])).entry()
     assert not got["kept"]
     assert abs(got["shrinkage"]) < 0.02
 

@@ -177,7 +177,7 @@ def _motion(toolpath: ToolPath, before: int, tag: int, share: FloatArray) -> Flo
 
 def program(diagnosis: Diagnosis, found: Along) -> dict[str, Any]:
     """Return the ``program`` entry of ``where``: stretches with rows, in the order of the path."""
-    size = np.linalg.norm(diagnosis.problem.measured - diagnosis.baseline, axis=1)
+    size = np.linalg.norm(diagnosis.problem.rest(diagnosis.baseline), axis=1)
     left = np.linalg.norm(diagnosis.residual, axis=1)
     rows = np.flatnonzero(found.on & diagnosis.kept).astype(np.int32)
     lengths = arc_length(found.toolpath)

@@ -37,7 +37,7 @@ def certificate(diagnosis: Diagnosis, cell: Cell) -> dict[str, Any]:
         cell: with robot, tool and what is stated of the instrument.
     """
     problem, kept = diagnosis.problem, diagnosis.kept
-    away = np.linalg.norm(problem.measured - diagnosis.baseline, axis=1) / MM
+    away = np.linalg.norm(problem.rest(diagnosis.baseline), axis=1) / MM
     ids, q = problem.measurements.ids, problem.samples.q[kept] / DEG
     points = problem.measured[kept] / MM
     sigma = diagnosis.noise / MM if diagnosis.level.known else None

@@ -99,6 +99,7 @@ def diagnose(problem: Problem, progress: Progress | None = None) -> Diagnosis:
     say = progress or (lambda done, total, what: None)
     say(0, 4, "noise and candidates")
     of = posterior(problem)
+    problem = of.problem
     say(1, 4, "which effects")
     found = judged(of)
     say(2, 4, "what is left")
@@ -108,8 +109,8 @@ def diagnose(problem: Problem, progress: Progress | None = None) -> Diagnosis:
     say(3, 4, "rows left out")
     apart = Apart.best(found, (beside, wander), ~bad | suspects)
     last = apart.last
-    away = np.linalg.norm(problem.measured - apart.baseline, axis=1)
-    residual = problem.measured - last.fit.point
+    away = np.linalg.norm(problem.rest(apart.baseline), axis=1)
+    residual = problem.rest(last.fit.point)
     verdict = found.verdict
     rest = found.rest
     if told.part is not None:

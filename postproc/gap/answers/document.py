@@ -51,7 +51,7 @@ def document(
         promise: what came of an earlier diagnosis in this campaign.
     """
     problem, kept = diagnosis.problem, diagnosis.kept
-    gap = np.linalg.norm(problem.measured - diagnosis.baseline, axis=1)[kept]
+    gap = np.linalg.norm(problem.rest(diagnosis.baseline), axis=1)[kept]
     rest = np.linalg.norm(diagnosis.residual, axis=1)[kept]
     ids = problem.measurements.ids
     return {

@@ -118,7 +118,7 @@ def kept(before: Diagnosis, after: MeasurementSet) -> Kept:
     promised = np.sqrt(np.mean(left**2) + taken)
     return Kept(
         len(pairs),
-        rms(np.linalg.norm(problem.measured[first] - aim, axis=1)),
+        rms(np.linalg.norm(problem.rest(aim, first), axis=1)),
         rms(_missed(problem, first, aim, np.asarray(after.position)[second], rows)),
         float(promised),
         _spread(before, first, left, float(promised)),

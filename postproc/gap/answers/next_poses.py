@@ -372,10 +372,11 @@ def _poses(
 ) -> list[NextPose]:
     problem = diagnosis.problem
     last = last_set_up(diagnosis)
-    here = problem.set_ups.unit == problem.set_ups.unit[last]
-    T_measured_robroot = rigid_motion(
-        problem.measured[here], np.asarray(problem.measurements.position)[here]
-    )
+    here = (problem.set_ups.unit == problem.set_ups.unit[last]) & problem.whole
+    T_measured_robroot = np.eye(4)
+    if problem.seen is None or problem.registration is not None:
+        position = np.asarray(problem.measurements.position)
+        T_measured_robroot = rigid_motion(problem.measured[here], position[here])
     seen = problem.samples.seen
     expected_of = rows if seen is None else rows.with_points(measured=seen[last])
     states = {n: s for n, s in diagnosis.fit.states.items() if not effect_of(n).of_several}

@@ -35,7 +35,8 @@ def orientation(diagnosis: Diagnosis) -> dict[str, Any] | None:
     rows = np.flatnonzero(diagnosis.kept)
     samples = problem.samples.rows(rows)
     R_measured_tool = rotation_from_abc(np.asarray(problem.measurements.abc)[rows])
-    T = rigid_motion(problem.measured, np.asarray(problem.measurements.position))
+    whole = problem.whole
+    T = rigid_motion(problem.measured[whole], np.asarray(problem.measurements.position)[whole])
     R_robroot_tool = T[:3, :3].T @ R_measured_tool
     turned = problem.registration is not None
     before, _ = _misfit(flange_rotation(samples, problem.given), R_robroot_tool, turned)

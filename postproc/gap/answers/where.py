@@ -43,7 +43,7 @@ def where(diagnosis: Diagnosis) -> dict[str, Any]:
     """Return the ``where`` of the diagnosis, file units."""
     own = parts(diagnosis)
     kept = diagnosis.kept
-    gap = diagnosis.problem.measured - diagnosis.baseline
+    gap = diagnosis.problem.rest(diagnosis.baseline)
     explained = sum((p.moved for p in own), np.zeros_like(gap))
     subject = explained if own else gap
     return {

@@ -17,4 +17,5 @@ from postproc.gap.data.loads import (
     weight_torque,
 )
 from postproc.gap.data.reference import reference_of
+from postproc.gap.data.seen import Seen, seen_by
 from postproc.gap.data.split import Split, split

@@ -67,7 +67,7 @@ def fit(
     Args:
         samples: rows.
         measured: (n, 3) measured points [m], robroot.
-        weight: (n,) 1/sigma [1/m]; 0 leaves a row out.
+        weight: (n,) 1/sigma [1/m]; 0 leaves a row out; or (n, 3, 3) roots of the weight of rows.
         given: states that the model has already; those not free stay as they are.
         free: effects to fit.
     """
@@ -82,8 +82,8 @@ def fit(
         states = dict(given) | _states(theta, effects, slices)
         point, actual = evaluate(samples, states)
         X = _columns(actual, effects) @ root
-        A = (X * weight[:, None, None]).reshape(-1, X.shape[2])
-        r = ((measured - point) * weight[:, None]).ravel()
+        A = _weighed(X, weight).reshape(-1, X.shape[2])
+        r = _weighed(measured - point, weight).ravel()
         H = A.T @ A + np.eye(len(width))
         gradient = A.T @ r + np.linalg.solve(root, mean - theta)
         step = _bounded(H, gradient, (lower - theta) / width, (upper - theta) / width)
@@ -113,12 +113,12 @@ def left_open(
         samples: rows.
         states: of all effects that act; those that are not among them are at zero.
         free: the effects.
-        weight: (n,) 1/sigma [1/m]; 0 leaves a row out.
+        weight: as in ``fit``.
     """
     effects = [(effect_of(name), options) for name, options in free.items()]
     parameters, slices, root, _ = _layout(samples, {}, effects)
     X = _columns(evaluate(samples, states)[1], effects) @ root
-    A = (X * weight[:, None, None]).reshape(-1, X.shape[2])
+    A = _weighed(X, weight).reshape(-1, X.shape[2])
     covariance = root @ np.linalg.inv(A.T @ A + np.eye(len(root))) @ root.T
     return covariance, slices, np.array([p.typical for p in parameters])
 
@@ -156,7 +156,7 @@ def without_blocks(
         states: of all effects, fitted ones at their optimum.
         free: the effects that were fitted.
         rest: (n, 3) what the fit leaves [m].
-        weight: (n,) 1/sigma [1/m] of the fit; 0 for rows that it left out.
+        weight: that of the fit; 0 for rows that it left out.
         label: (n,) 0..k-1.
         moved: (k, n, 3) how far the points have moved otherwise by then [m].
 
@@ -169,10 +169,10 @@ def without_blocks(
     _, lower, upper = _widths(parameters, root)
     inside = (theta > lower) & (theta < upper)
     actual = evaluate(samples, states)[1]
-    A = ((_columns(actual, effects) @ root) * weight[:, None, None])[:, :, inside]
-    r, p = rest * weight[:, None], A.shape[2]
+    A = _weighed(_columns(actual, effects) @ root, weight)[:, :, inside]
+    r, p = _weighed(rest, weight), A.shape[2]
     k = int(label.max()) + 1
-    further = np.broadcast_to(moved, (k, *rest.shape)) * weight[:, None]
+    further = np.stack([_weighed(m, weight) for m in np.broadcast_to(moved, (k, *rest.shape))])
     pull = np.einsum("nap,kna->kp", A, further, optimize=True)
     H = np.repeat((np.einsum("nap,naq->pq", A, A, optimize=True) + np.eye(p))[None], k, axis=0)
     for j in range(k):
@@ -182,6 +182,13 @@ def without_blocks(
     step = np.zeros((k, len(theta)))
     step[:, inside] = -np.linalg.solve(H, pull[:, :, None])[:, :, 0]
     return np.asarray(step @ root.T)
+
+
+def _weighed(values: FloatArray, weight: FloatArray) -> FloatArray:
+    """Return values (n, 3) or (n, 3, p) times the weights (n,) or their roots (n, 3, 3)."""
+    if weight.ndim == 1:
+        return values * weight.reshape(-1, *[1] * (values.ndim - 1))
+    return np.asarray(np.einsum("nij,nj...->ni...", weight, values, optimize=True))
 
 
 def moved_points(

@@ -3,20 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import BoolArray, FloatArray, Rows
 from postproc.cell import Cell
 from postproc.errors import DataError, SourceRef
-from postproc.gap.data import COLUMN_NAMES, Samples, Split, samples_of, split
+from postproc.gap.data import COLUMN_NAMES, Samples, Seen, Split, samples_of, seen_by, split
 from postproc.gap.effect import EFFECTS, Effect, Kind, Setting
 from postproc.gap.fit.load_place import register_loaded
 from postproc.gap.fit.registration import rows_on_the_arm
 from postproc.gap.fit.wander import Wander, wanders
 from postproc.gap.robot_model import RobotModel, States, arm_of, evaluate
 from postproc.kinematics import Kinematics
-from postproc.measurement import MeasurementSet, SetUps, in_robroot, points_of, set_ups
+from postproc.measurement import (
+    MeasurementSet,
+    SetUps,
+    frames_of,
+    has_points,
+    in_robroot,
+    points_of,
+    readings_of,
+    reads_points,
+    set_ups,
+)
 from postproc.model import ModelFile, Registration
 from postproc.records import dataclass
 from postproc.units import MM
@@ -33,6 +44,7 @@ _FRAMES = 9
 _FARTHEST = 50.0 * MM
 """Usual gap beyond which the rows are of another frame."""
 _SEED = 5
+_ALL = slice(None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +53,8 @@ class Problem:
 
     measured: (n, 3) in robroot; given: states of the model; registered: frames are fitted anyway;
     searchable: (n,) rows for the search (not sealed, thinned); not_testable: effect to columns;
-    instrument: (n,) sd per axis of each reading [m], where file or cell give it.
+    instrument: (n,) sd per axis of each reading [m], where file or cell give it; seen: what rows
+    read, where not all of them read three coordinates of one sd: there the gap is along that alone.
     """
 
     measurements: MeasurementSet
@@ -58,6 +71,7 @@ class Problem:
     set_ups: SetUps
     instrument: FloatArray | None
     wanders: tuple[Wander, ...]
+    seen: Seen | None = None
 
     def __len__(self) -> int:
         """Return the number of rows."""
@@ -76,6 +90,41 @@ class Problem:
         if self.instrument is None:
             return np.ones(len(self))
         return np.asarray(self.instrument / np.sqrt(np.mean(self.instrument**2)))
+
+    @property
+    def whole(self) -> BoolArray:
+        """(n,) rows that read all three coordinates."""
+        return has_points(self.measurements)
+
+    def around(self, states: States) -> Problem:
+        """Return the same rows, distances taken along the lines to points near the real ones."""
+        if self.seen is None:
+            return self
+        point = evaluate(self.samples, states)[0]
+        seen, measured, _ = seen_by(self.seen.readings, point, self.seen.frame)
+        moved = replace(self, seen=seen, measured=measured)
+        return replace(moved, gap=moved.rest(evaluate(self.samples, self.given)[0]))
+
+    def rest(self, point: FloatArray, rows: Rows | slice = _ALL) -> FloatArray:
+        """Return what rows read beside points (n, 3) [m]: nothing where they do not look."""
+        return self.onto(self.measured[rows] - point, rows)
+
+    def onto(self, moved: FloatArray, rows: Rows | slice = _ALL) -> FloatArray:
+        """Return what rows see of motions (n, 3) [m]."""
+        if self.seen is None:
+            return moved
+        return np.asarray(np.einsum("nij,nj->ni", self.seen.onto[rows], moved))
+
+    def size(self, rest: FloatArray, rows: Rows | slice = _ALL) -> FloatArray:
+        """Return the 3D lengths (n,) [m] of errors (n, 3) of rows, over their relative sd."""
+        if self.seen is None:
+            return np.asarray(np.linalg.norm(rest, axis=1) / self.relative[rows])
+        return self.seen.rows(rows).size(rest) / self.relative[rows]
+
+    def by(self, weight: FloatArray, rows: Rows | slice = _ALL) -> FloatArray:
+        """Return weights (n,) of rows over their relative sd: (n,), or roots (n, 3, 3)."""
+        scale = np.asarray(weight / self.relative[rows])
+        return scale if self.seen is None else scale[:, None, None] * self.seen.root[rows]
 
 
 def pose_problem(
@@ -106,13 +155,30 @@ def pose_problem(
     measured = np.asarray(measurements.position)
     registration = None
     if registered:
-        on_arm = rows_on_the_arm(samples, given)
-        registration = register_loaded(samples, measured, given, rows, on_arm, place)
+        on_arm, whole = rows_on_the_arm(samples, given), np.flatnonzero(has_points(measurements))
+        registration = register_loaded(
+            samples.rows(whole), measured[whole], given, rows.rows(whole), on_arm[whole], place
+        )
         frame = registration
     if frame is not None:
         samples = samples_of(arm_of(kinematics, cell, frame), measurements)
         samples, measured = seen_in(frame, samples, measured, rows, place)
-    gap = measured - evaluate(samples, given)[0]
+    point, seen = evaluate(samples, given)[0], None
+    instrument = _instrument(measurements, cell)
+    if not reads_points(measurements, cell.instrument):
+        readings = readings_of(measurements, cell.instrument, cell.measuring_sigma).known
+        T_measured_robroot = np.eye(4) if frame is None else frames_of(frame, rows)
+        seen, measured, usual = seen_by(readings, point, T_measured_robroot)
+        instrument = usual if np.isfinite(usual).all() else None
+        count = int(has_points(measurements).sum())
+        if instrument is None and count < _FEWEST:
+            raise DataError(
+                "GAP003",
+                f"{count} rows with three coordinates are too few to tell the noise, expected"
+                f" {_FEWEST}, or sigma_mm of each reading",
+                place,
+            )
+    gap = measured - point
     if not registered:
         _require_near(gap, place)
     effects, not_testable = testable(samples, given, registered, registered and rows.several)
@@ -133,8 +199,9 @@ def pose_problem(
         _thinned(~parts.sealed),
         registration,
         rows,
-        _instrument(measurements, cell),
+        instrument,
         wanders(samples, rows.unit),
+        seen,
     )
 
 

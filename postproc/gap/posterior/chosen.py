@@ -27,7 +27,6 @@ from postproc.gap.fit import (
     fit,
     gross_faults,
     noise_of,
-    unit_root,
 )
 from postproc.gap.posterior.classes import groups_of, moments_of
 from postproc.gap.posterior.evidence import NoisePrior, Optimum
@@ -101,9 +100,11 @@ def posterior(problem: Problem) -> Posterior:
     faults = index[gross_faults(problem.gap[index])]
     level = _level(problem, faults, float(np.median(np.abs(problem.gap[index]))))
     states, weight = pilot(problem, index, _prior(level))
+    problem = problem.around(states)
     at = Linearised.at(problem, index, states)
-    rest = problem.measured[index] - evaluate(problem.samples.rows(index), states)[0]
-    level = _level(problem, faults, robust_sigma(np.linalg.norm(rest[weight > 0.0], axis=1)))
+    rest = problem.rest(evaluate(problem.samples.rows(index), states)[0], index)
+    size = problem.size(rest, index)[weight > 0.0]
+    level = _level(problem, faults, robust_sigma(size))
     prior, moments = _prior(level), moments_of(at.samples)
     settings = _settings(problem, at, ())
     first = _searched(problem, level, prior, at, weight, moments, settings, ())
@@ -116,11 +117,11 @@ def _again(first: Posterior) -> Posterior:
     best = first.best
     beside = first.moved(best, first.of_sort(Sort.CLASS, Sort.WANDER))
     free = free_of(first, first.of_sort(Sort.CAUSE, Sort.RESEMBLANCE))
-    weight = first.weight / (problem.relative[index] * best.sigma)
+    weight = problem.by(first.weight / best.sigma, index)
     samples = problem.samples.rows(index)
     found = fit(samples, problem.measured[index] - beside, weight, problem.given, free)
     rest = problem.measured[index] - beside - found.point
-    size = np.linalg.norm(rest, axis=1) / problem.relative[index]
+    size = problem.size(rest, index)
     sound = first.weight > 0.0
     sigma = max(robust_sigma(size[sound]), first.prior.sigma if first.level.known else LEAST)
     weight = np.where(sound, student(size / sigma), 0.0)
@@ -160,13 +161,11 @@ def _searched(
 
 def belief(problem: Problem, candidate: Candidate, at: Optimum, equations: Equations) -> float:
     """Return the log prior of the signs and shapes of a candidate's numbers in a set [nats]."""
-    if candidate.effect is None or candidate.sort is not Sort.CAUSE:
+    if candidate.effect is None or candidate.lower is None or candidate.sort is not Sort.CAUSE:
         return 0.0
     theta, deviation = numbers(problem, candidate, at, equations)
-    arm = problem.samples.arm
-    lower = np.array([p.lower for p in candidate.effect.parameters(arm, candidate.setting or {})])
-    beyond = bool(np.any(theta + _CLEARLY * deviation < lower))
-    if beyond or candidate.effect.objection(theta, deviation, arm):
+    beyond = bool(np.any(theta + _CLEARLY * deviation < candidate.lower))
+    if beyond or candidate.effect.objection(theta, deviation, problem.samples.arm):
         return -np.inf
     return _UNUSUAL if candidate.effect.is_unusual(theta, deviation) else 0.0
 
@@ -175,16 +174,17 @@ def numbers(
     problem: Problem, candidate: Candidate, at: Optimum, equations: Equations
 ) -> tuple[FloatArray, FloatArray]:
     """Return the numbers (p,) of an effect in a set and their standard deviations, SI."""
-    effect, setting = candidate.effect, candidate.setting or {}
-    if effect is None:
+    root, part = candidate.root, at.part(equations, candidate.key)
+    if root is None:
         raise ValueError("a class has no numbers")
-    root = unit_root(effect, problem.samples.arm, setting)
-    part = at.part(equations, candidate.key)
-    theta, C = root @ at.theta[part], root @ at.covariance[part, part] @ root.T
+    theta, variance = (
+        root @ at.theta[part],
+        np.sum((root @ at.covariance[part, part]) * root, axis=1),
+    )
     known = problem.given.get(candidate.name)
     if known is not None and len(known.theta) == len(theta):
         theta = theta + np.nan_to_num(known.theta)
-    return theta, np.sqrt(np.diag(C))
+    return theta, np.sqrt(variance)
 
 
 def free_of(of: Posterior, keys: Iterable[str], at: Optimum | None = None) -> dict[str, Free]:
@@ -210,7 +210,7 @@ def _prior(level: Noise) -> NoisePrior:
 
 
 def _level(problem: Problem, faults: IndexArray, rest: float) -> Noise:
-    usable = np.ones(len(problem), dtype=bool)
+    usable = problem.whole
     usable[faults] = False
     return noise_of(
         problem.samples, problem.gap, usable, problem.set_ups.unit, problem.instrument, rest

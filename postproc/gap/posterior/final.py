@@ -73,7 +73,7 @@ class Named:
     ) -> Named:
         """Fit effects to some rows (n,)."""
         index = np.flatnonzero(rows)
-        weight = 1.0 / (sigma * problem.relative[index])
+        weight = problem.by(np.full(len(index), 1.0 / sigma), index)
         part, measured = problem.samples.rows(index), problem.measured
         found = fit(part, (measured - beside)[index], weight, problem.given, free)
         full = replace(found, point=evaluate(problem.samples, found.states)[0])
@@ -105,7 +105,7 @@ class Named:
             rest = problem.measured - self.fit.point
             by = without_blocks(samples, self.fit.states, again, rest, self._weight, label, moved)
             moved = moved + moved_points(samples, self.fit.states, again, by)
-        left = problem.measured - self.fit.point - moved[label, np.arange(len(label))]
+        left = problem.rest(self.fit.point + moved[label, np.arange(len(label))])
         return np.asarray(np.linalg.norm(left, axis=1))
 
     def deviations(self, label: IntArray) -> dict[str, FloatArray]:
@@ -151,7 +151,7 @@ class Named:
 
     @property
     def _weight(self) -> FloatArray:
-        return np.where(self.rows, 1.0 / (self.sigma * self.problem.relative), 0.0)
+        return self.problem.by(np.where(self.rows, 1.0 / self.sigma, 0.0))
 
 
 def frames_of(problem: Problem) -> dict[str, Free]:
@@ -186,7 +186,7 @@ def all_rows(judged: Judged) -> tuple[FloatArray, FloatArray, BoolArray]:
     place[of.at.index] = np.arange(len(of.at.index))
     weight = np.where(inside, of.weight[place[rows]], 0.0)
     measured = problem.measured[rows] - in_search[place[rows]]
-    by = weight / (whole.sigma * problem.relative[rows])
+    by = problem.by(weight / whole.sigma, rows)
     found = fit(problem.samples.rows(rows), measured, by, problem.given, free)
     at = Linearised.at(problem, np.arange(n), found.states)
     candidates = [_at(c, at, judged) for c in map(of.candidate, whole.keys)]
@@ -197,7 +197,7 @@ def all_rows(judged: Judged) -> tuple[FloatArray, FloatArray, BoolArray]:
         here = optimum(equations, whole.keys, of.prior, whole, held=True)
         moved = {c.key: c.X @ here.theta[here.part(equations, c.key)] for c in candidates}
         rest = at.z - sum(moved.values(), np.zeros_like(at.z))
-        size = np.linalg.norm(rest, axis=1) / problem.relative
+        size = problem.size(rest)
         sigma = max(robust_sigma(size[~gross]), of.level.sigma if of.level.known else 0.0)
         weight = np.where(weight > 0.0, student(size / sigma), 0.0)
     beside = sum((moved[k] for k in whole.keys if _is_beside(of.candidate(k), named)), 0.0 * rest)

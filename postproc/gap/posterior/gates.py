@@ -22,6 +22,7 @@ from postproc.gap.posterior.chosen import Posterior
 from postproc.gap.posterior.classes import LOUD, Part, groups_of, wandering
 from postproc.gap.posterior.designs import Designs, designs
 from postproc.gap.posterior.evidence import Optimum, held_out, left_out, optimum
+from postproc.gap.posterior.likelihood import row_roots
 from postproc.gap.posterior.names import Name, names_of, unique_part
 from postproc.gap.posterior.prior import Candidate, Sort, of_group
 from postproc.gap.posterior.products import Equations
@@ -199,7 +200,7 @@ def _left(
     kept += waves
     other = tuple(k for k in whole.keys if of.candidate(k).sort in (Sort.CLASS, Sort.RESEMBLANCE))
     alone = optimum(of.search.equations, kept, of.prior, whole)
-    rest = of.at.z - of.moved(alone, alone.keys)
+    rest = of.problem.onto(of.at.z - of.moved(alone, alone.keys), of.at.index)
     weight = of.weight / (noise * of.problem.relative[of.at.index])
     X = np.concatenate(
         [np.zeros((len(rest), 3, 0)), *(of.candidate(k).X for k in alone.keys)], axis=2
@@ -253,7 +254,7 @@ def _classes_of(of: Posterior, alone: Optimum, sigma: float) -> tuple[Part, ...]
     """Return the classes of what a set leaves, largest first: of whatever formula."""
     kept = [of.candidate(k) for k in alone.keys]
     groups = [g for g in groups_of(of.at.samples, of.moments) if g.X.shape[2]]
-    root = (of.weight / of.problem.relative[of.at.index])[:, None, None] * np.eye(3)
+    root = row_roots(of.problem, of.at.index, of.weight)
     candidates: list[Candidate] = [*kept, *(of_group(g) for g in groups)]
     equations = Equations.of(candidates, of.at.z, root)
     found = search(equations, of.prior, alone.keys, near=alone, deep=False)

@@ -48,12 +48,12 @@ class Linearised:
         """Return rows at the pose that states bring the arm to."""
         part = problem.samples.rows(index)
         point, actual = evaluate(part, states)
-        z = problem.measured[index] - point
+        z = problem.rest(point, index)
         for name, state in states.items():
             moved = _change(problem, name, state)
             if np.any(moved):
                 X = columns(actual, effect_of(name).basis(actual, state.setting))
-                z = z + X @ moved
+                z = z + problem.onto(X @ moved, index)
         return cls(index, actual, z, states)
 
 
@@ -87,10 +87,10 @@ def pilot(problem: Problem, index: IndexArray, noise: NoisePrior) -> tuple[State
     for turn in range(_ROUNDS):
         some = [e for e in effects if turn or e.geometric]
         free = {e.name: _free(problem, e, widen[e.name], states) for e in some}
-        by = weight / (problem.relative[index] * max(sigma, noise.sigma))
+        by = problem.by(weight / max(sigma, noise.sigma), index)
         found = fit(samples, measured, by, problem.given, free)
         states = found.states
-        size = np.linalg.norm(measured - found.point, axis=1) / problem.relative[index]
+        size = problem.size(measured - found.point, index)
         sigma = max(robust_sigma(size[weight > 0.0]), _FINEST)
         weight = np.where(weight > 0.0, student(size / sigma), 0.0)
         if turn + 1 == _ROUNDS:
@@ -150,5 +150,5 @@ def candidates_of(
 
 def row_roots(problem: Problem, index: IndexArray, weight: FloatArray) -> FloatArray:
     """Return the root (n, 3, 3) of the relative weight of rows: sd of readings, and how sound."""
-    scale = np.where(weight > 0.0, weight, 0.0) / problem.relative[index]
-    return np.asarray(scale[:, None, None] * np.eye(3))
+    root = problem.by(np.where(weight > 0.0, weight, 0.0), index)
+    return root if root.ndim == 3 else root[:, None, None] * np.eye(3)

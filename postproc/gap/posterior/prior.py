@@ -62,8 +62,8 @@ class Candidate:
 
     key: its own; name: of the effect or class; slot: of two candidates of one slot a model has one
     at most; family: (k,) 0.. numbers that share a scale; odds: logarithm, before any row; fixed:
-    the scale is 1 whatever the rows say; effect, setting: where it is one; group: where it is a
-    class.
+    the scale is 1 whatever the rows say; effect, setting: where it is one, and of its numbers the
+    root (k, k) of the prior and the least (k,), SI; group: where it is a class.
     """
 
     key: str
@@ -75,6 +75,8 @@ class Candidate:
     odds: float
     effect: Effect | None = None
     setting: Setting | None = None
+    root: FloatArray | None = None
+    lower: FloatArray | None = None
     group: Group | None = None
 
     @property
@@ -86,13 +88,6 @@ class Candidate:
     def families(self) -> int:
         """How many scales it has."""
         return int(self.family.max()) + 1
-
-
-def families_of(effect: Effect, samples: Samples, setting: Setting) -> IntArray:
-    """Return (p,) the families of an effect's numbers, 0 on."""
-    words = [p.family for p in effect.parameters(samples.arm, setting)]
-    order = list(dict.fromkeys(words))
-    return np.array([order.index(word) for word in words], dtype=np.int32)
 
 
 def of_effect(
@@ -107,8 +102,9 @@ def of_effect(
         key: of the candidate; "": the effect's name.
         always: a frame of the registration.
     """
-    X = columns(samples, effect.basis(samples, setting))
-    X = X @ (unit_root(effect, samples.arm, setting) * (WIDE if always else 1.0))
+    parameters = effect.parameters(samples.arm, setting)
+    root = unit_root(effect, samples.arm, setting) * (WIDE if always else 1.0)
+    X = columns(samples, effect.basis(samples, setting)) @ root
     if always:
         sort = Sort.FRAME
     else:
@@ -116,8 +112,10 @@ def of_effect(
     odds = 0.0 if always else odds_of(effect, setting)
     key = key or effect.name
     slot = key if effect.may_be_several else effect.name
-    family = families_of(effect, samples, setting)
-    return Candidate(key, effect.name, sort, slot, X, family, odds, effect, setting)
+    order = list(dict.fromkeys(p.family for p in parameters))
+    family = np.array([order.index(p.family) for p in parameters], dtype=np.int32)
+    lower = np.array([p.lower for p in parameters])
+    return Candidate(key, effect.name, sort, slot, X, family, odds, effect, setting, root, lower)
 
 
 def odds_of(effect: Effect, setting: Setting) -> float:
