@@ -110,7 +110,7 @@ class Effect(ABC):
     geometric: ClassVar[bool] = False
     """It moves the tool as a wrong geometry of arm or frames does."""
     of_several: ClassVar[bool] = False
-    """Only of campaigns with several stations or reflectors."""
+    """Only of campaigns with several stations or reflectors, or unknown ends of readings."""
     periodic: ClassVar[bool] = False
     """Waves of a joint's angle, whose joints and orders are sought in the rows."""
     on_demand: ClassVar[bool] = False

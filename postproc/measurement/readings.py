@@ -31,6 +31,8 @@ from postproc.records import dataclass
 
 _ORIGIN, _PLANE = 3, 4
 """Numbers of an unknown origin and of a plane."""
+_EACH = 2
+"""Readings that each number of an unknown origin or plane needs."""
 _STEPS = 40
 _SETTLED = 1e-11
 """Step [m] that ends the fit of unknowns."""
@@ -63,12 +65,15 @@ class Readings:
         return len(self.row)
 
     @property
-    def known(self) -> Readings:
-        """The readings that tell of their point alone: of no unknown origin or plane."""
-        k = np.flatnonzero(self.at < 0)
+    def firm(self) -> Readings:
+        """The readings but those of an unknown origin or plane that too few rows are of."""
+        count = np.bincount(self.at + 1, minlength=self.size + 1)[self.at + 1]
+        needed = _EACH * np.where(self.planar, _PLANE, _ORIGIN)
+        k = np.flatnonzero((self.at < 0) | (count >= needed))
         row, value, sigma = self.row[k], self.value[k], self.sigma[k]
         way, origin, at, planar = self.way[k], self.origin[k], self.at[k], self.planar[k]
-        return Readings(row, value, sigma, way, origin, at, planar, (), 0)
+        names = tuple(name for name in self.names if np.any(at == name[0]))
+        return Readings(row, value, sigma, way, origin, at, planar, names, self.size)
 
     def misfit(self, p: FloatArray, x: FloatArray | None = None) -> FloatArray:
         """Return (m,) what points (n, 3) would read minus what was read [m]."""
@@ -244,17 +249,18 @@ def has_points(measured: MeasurementSet) -> BoolArray:
 def reads_points(measured: MeasurementSet, instrument: Instrument) -> bool:
     """Return whether rows read three coordinates of one sd each, and nothing beside."""
     tracker = instrument.is_known and measured.sigma is None
-    more = measured.along is not None or measured.origin is not None or measured.sigmas is not None
+    beside = (measured.along, measured.length, measured.plane, measured.sigmas)
+    more = any(column is not None for column in beside)
     return bool(has_points(measured).all()) and not more and not tracker
 
 
 def only_told(measured: MeasurementSet) -> MeasurementSet:
-    """Return the rows that read of their point alone, the others left out with a remark."""
-    told = np.isin(np.arange(len(measured)), readings_of(measured).known.row)
+    """Return the rows with a reading that tells of their point, the others left out."""
+    told = np.isin(np.arange(len(measured)), readings_of(measured).firm.row)
     if told.all():
         return measured
     ids = tuple(measured.ids[k] for k in np.flatnonzero(~told))
-    text = "read against an origin or plane that is not known; the rows are left out"
+    text = "read against a point or plane that few rows are of; the rows are left out"
     return measured.rows(told).with_remark(Remark("blank", ids, text))
 
 

@@ -13,23 +13,25 @@ from postproc.jobs.readings import readings
 from postproc.measurement.file import read_measurements
 
 NOISE, POST = 2e-5, np.array([1.5, -2.0, 0.4])
-COLUMNS = "x_mm,y_mm,z_mm,u_mm,ux,uy,uz,length_mm,from_x_mm,from_y_mm,from_z_mm,sigma_mm"
+COLUMNS = "x_mm,y_mm,z_mm,u_mm,ux,uy,uz,length_mm,from_x_mm,from_y_mm,from_z_mm,sigma_mm,from_id"
 
 
 def cells(form, point, rng):
     """Return what one row reads of a point [mm], each form with the same noise."""
-    noise, out = rng.normal(0.0, 1e3 * NOISE, 3), [""] * 12
+    noise, out = rng.normal(0.0, 1e3 * NOISE, 3), [""] * 13
     way = rng.normal(size=3)
     way /= np.linalg.norm(way)
     if form in ("points", "plane"):
-        out[: 3 if form == "points" else 2] = [f"{v:.6f}" for v in point + noise][: len(out)]
-        out[2] = out[2] if form == "points" else ""
-        out = out[:12]
+        count = 3 if form == "points" else 2
+        out[:count] = [f"{v:.6f}" for v in (point + noise)[:count]]
     if form == "gauge":
         out[3:7] = [f"{point @ way + noise[0]:.6f}", *(f"{v:.9f}" for v in way)]
     if form == "wire":
         length = np.linalg.norm(point - 1e3 * POST) + noise[0]
         out[7:11] = [f"{length:.6f}", *(f"{1e3 * v:.3f}" for v in POST)]
+    if form == "unknown":
+        length = np.linalg.norm(point - 1e3 * POST) + noise[0]
+        out[7], out[12] = f"{length:.6f}", "post"
     out[11] = f"{1e3 * NOISE:g}"
     return out
 
@@ -58,6 +60,7 @@ def written(world, folder, forms, cause, n):
         (("gauge",), {"backlash": 3e-4}),
         (("wire", "points"), {"joint_compliance": 3e-4}),
         (("plane", "gauge", "wire"), {"thermal_drift": 3e-4}),
+        (("unknown",), {"backlash": 3e-4}),
     ],
 )
 def test_a_cause_is_named_from_readings_of_any_form(

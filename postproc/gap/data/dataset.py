@@ -30,7 +30,18 @@ COLUMN_NAMES = {
 
 FADES = (300.0, 900.0, 2700.0)
 """Times [s] in which the trace of a load fades."""
-_BY_ROW = ("q", "frames", "axes", "point", "load_point", "course", "seen", "loaded", "set_up")
+_BY_ROW = (
+    "q",
+    "frames",
+    "axes",
+    "point",
+    "load_point",
+    "course",
+    "seen",
+    "loaded",
+    "set_up",
+    "references",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +111,8 @@ class Samples:
     degrees Celsius. past: (n, 18) what earlier loads have left of their torque on each joint, for
     each of ``FADES``, where loads and time were logged [N*m]. seen: (n, 3) the measured point of
     each row in the flange [m], where there are several; loaded: the same of where the wrench acts;
-    set_up: (n, 2) numbers of station and reflector.
+    set_up: (n, 2) numbers of station and reflector; references: (n, 3, k) what unknown ends of
+    distances and planes move their points by, as they are read.
     """
 
     arm: Arm
@@ -120,6 +132,7 @@ class Samples:
     seen: FloatArray | None = None
     loaded: FloatArray | None = None
     set_up: IntArray | None = None
+    references: FloatArray | None = None
 
     def __len__(self) -> int:
         """Return the number of rows."""

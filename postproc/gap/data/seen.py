@@ -28,20 +28,22 @@ class Seen:
     """Directions that rows (n,) read.
 
     root: (n, 3, 3) directions in rows, over their sd against the usual one of the row; zero where
-    less was read; onto: (n, 3, 3) projects on them; count: (n,) how many; readings, frame:
-    what ``seen_by`` made them of.
+    less was read; onto: (n, 3, 3) projects on them; count: (n,) how many; references: (n, 3, k)
+    what a number of an unknown origin or plane moves their points by, as they read it; readings,
+    frame: what ``seen_by`` made them of.
     """
 
     root: FloatArray
     onto: FloatArray
     count: IntArray
+    references: FloatArray
     readings: Readings
     frame: FloatArray
 
     def rows(self, index: Rows | slice) -> Seen:
         """Return what some of the rows read."""
-        part = self.root[index], self.onto[index], self.count[index]
-        return replace(self, root=part[0], onto=part[1], count=part[2])
+        root, onto, count = self.root[index], self.onto[index], self.count[index]
+        return replace(self, root=root, onto=onto, count=count, references=self.references[index])
 
     def size(self, rest: FloatArray) -> FloatArray:
         """Return the lengths (n,) of errors (n, 3) [m], as of three components of the usual sd."""
@@ -62,20 +64,22 @@ def seen_by(
     n = len(point)
     T = np.broadcast_to(T_measured_robroot, (n, 4, 4))
     there = apply(T, point)
+    x = readings.start(there)
     row, count = readings.row, np.bincount(readings.row, minlength=n)
     usual = np.sqrt(np.bincount(row, readings.sigma**2, n) / np.maximum(count, 1))
     known = np.isfinite(readings.sigma) & np.isfinite(usual[row])
     share = np.where(known, usual[row] / np.where(known, readings.sigma, 1.0), 1.0)
-    way = np.einsum("mij,mi->mj", T[row, :3, :3], readings.slopes(there)) * share[:, None]
-    products, told = np.zeros((n, 3, 3)), np.zeros((n, 3))
+    way = np.einsum("mij,mi->mj", T[row, :3, :3], readings.slopes(there, x)) * share[:, None]
+    off = np.column_stack([-readings.misfit(there, x), readings.unknown_slopes(there, x)])
+    products, told = np.zeros((n, 3, 3)), np.zeros((n, 3, off.shape[1]))
     np.add.at(products, row, way[:, :, None] * way[:, None])
-    np.add.at(told, row, -(readings.misfit(there) * share)[:, None] * way)
+    np.add.at(told, row, way[:, :, None] * (off * share[:, None])[:, None])
     values, axes = np.linalg.eigh(products)
     read = values > _NOTHING * values[:, -1:]
     values = np.where(read, values, 0.0)
     root = np.sqrt(values)[:, :, None] * np.swapaxes(axes, 1, 2)
     onto = (axes * read[:, None]) @ np.swapaxes(axes, 1, 2)
     inverse = (axes / np.where(read, values, np.inf)[:, None]) @ np.swapaxes(axes, 1, 2)
-    measured = point + np.einsum("nij,nj->ni", inverse, told)
-    seen = Seen(root, onto, read.sum(axis=1).astype(np.int32), readings, T)
-    return seen, measured, usual
+    moved = inverse @ told
+    count = read.sum(axis=1).astype(np.int32)
+    return Seen(root, onto, count, moved[:, :, 1:], readings, T), point + moved[:, :, 0], usual

@@ -15,7 +15,7 @@ from postproc.gap.effect import EFFECTS, Effect, Kind, Setting
 from postproc.gap.fit.load_place import register_loaded
 from postproc.gap.fit.registration import rows_on_the_arm
 from postproc.gap.fit.wander import Wander, wanders
-from postproc.gap.robot_model import RobotModel, States, arm_of, evaluate
+from postproc.gap.robot_model import RobotModel, States, arm_of, effect_of, evaluate
 from postproc.kinematics import Kinematics
 from postproc.measurement import (
     MeasurementSet,
@@ -80,9 +80,8 @@ class Problem:
     @property
     def always(self) -> tuple[str, ...]:
         """Blocks that are in every subset."""
-        if self.registration is None:
-            return ()
-        return tuple(e.name for e in self.effects if e.kind == Kind.REGISTRATION)
+        frames = [e for e in self.effects if e.kind == Kind.REGISTRATION]
+        return tuple(e.name for e in frames if e.of_several or self.registration is not None)
 
     @property
     def relative(self) -> FloatArray:
@@ -96,14 +95,24 @@ class Problem:
         """(n,) rows that read all three coordinates."""
         return has_points(self.measurements)
 
-    def around(self, states: States) -> Problem:
-        """Return the same rows, distances taken along the lines to points near the real ones."""
+    def around(self, states: States) -> tuple[Problem, States]:
+        """Return the same rows, distances taken along the lines to points near the real ones.
+
+        What they are read against is found anew from these points, and nothing of it is left in
+        the states.
+        """
         if self.seen is None:
-            return self
-        point = evaluate(self.samples, states)[0]
+            return self, states
+        count, moved = self.seen.references.shape[2], dict(states)
+        for name, state in states.items():
+            if effect_of(name).of_several and count:
+                theta = np.append(state.theta[:-count], np.zeros(count))
+                moved[name] = replace(state, theta=theta)
+        point = evaluate(self.samples, moved)[0]
         seen, measured, _ = seen_by(self.seen.readings, point, self.seen.frame)
-        moved = replace(self, seen=seen, measured=measured)
-        return replace(moved, gap=moved.rest(evaluate(self.samples, self.given)[0]))
+        samples = replace(self.samples, references=seen.references if count else None)
+        here = replace(self, seen=seen, measured=measured, samples=samples)
+        return replace(here, gap=here.rest(evaluate(samples, self.given)[0])), moved
 
     def rest(self, point: FloatArray, rows: Rows | slice = _ALL) -> FloatArray:
         """Return what rows read beside points (n, 3) [m]: nothing where they do not look."""
@@ -166,9 +175,11 @@ def pose_problem(
     point, seen = evaluate(samples, given)[0], None
     instrument = _instrument(measurements, cell)
     if not reads_points(measurements, cell.instrument):
-        readings = readings_of(measurements, cell.instrument, cell.measuring_sigma).known
+        readings = readings_of(measurements, cell.instrument, cell.measuring_sigma).firm
         T_measured_robroot = np.eye(4) if frame is None else frames_of(frame, rows)
         seen, measured, usual = seen_by(readings, point, T_measured_robroot)
+        if seen.references.shape[2]:
+            samples = replace(samples, references=seen.references)
         instrument = usual if np.isfinite(usual).all() else None
         count = int(has_points(measurements).sum())
         if instrument is None and count < _FEWEST:
@@ -181,7 +192,8 @@ def pose_problem(
     gap = measured - point
     if not registered:
         _require_near(gap, place)
-    effects, not_testable = testable(samples, given, registered, registered and rows.several)
+    several = (registered and rows.several) or samples.references is not None
+    effects, not_testable = testable(samples, given, registered, several)
     settings = {
         e.name: given[e.name].setting if e.name in given else e.prepare(samples) for e in effects
     }

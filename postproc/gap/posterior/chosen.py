@@ -100,7 +100,7 @@ def posterior(problem: Problem) -> Posterior:
     faults = index[gross_faults(problem.gap[index])]
     level = _level(problem, faults, float(np.median(np.abs(problem.gap[index]))))
     states, weight = pilot(problem, index, _prior(level))
-    problem = problem.around(states)
+    problem, states = problem.around(states)
     at = Linearised.at(problem, index, states)
     rest = problem.rest(evaluate(problem.samples.rows(index), states)[0], index)
     size = problem.size(rest, index)[weight > 0.0]
