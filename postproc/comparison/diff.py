@@ -16,7 +16,13 @@ from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
 
-from postproc.comparison.difference import Difference, DiffTolerance, Group, group_lines
+from postproc.comparison.difference import (
+    SHOWN,
+    Difference,
+    DiffTolerance,
+    Group,
+    group_lines,
+)
 from postproc.comparison.groups import groups_of
 from postproc.comparison.lines import Compared, Program, differences, program_of
 from postproc.controller import called_names, load_program
@@ -24,8 +30,6 @@ from postproc.errors import Finding, KrlError, Severity, SourceRef
 from postproc.krl import KrlModule, load_modules, parse_files, require_sound
 from postproc.records import dataclass
 from postproc.units import MM
-
-_SHOWN = 40
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,11 +89,13 @@ class DiffReport:
 
     def summary(self) -> str:
         """Return the answer in words: what was done, then counts and the first differences."""
-        lines = [self.headline()]
-        lines += [f"  {item}" for item in self.differences[:_SHOWN]]
-        if len(self.differences) > _SHOWN:
-            lines.append(f"  ... and {len(self.differences) - _SHOWN} more")
-        return "\n".join([*group_lines(self.groups()), *lines])
+        lines = [*group_lines(self.groups(), SHOWN - 2), self.headline()]
+        left = SHOWN - len(lines)
+        shown = left if len(self.differences) <= left else left - 1
+        lines += [f"  {item}" for item in self.differences[:shown]]
+        if len(self.differences) > shown:
+            lines.append(f"  ... and {len(self.differences) - shown} more, see --json")
+        return "\n".join(lines)
 
     def headline(self) -> str:
         """Return the verdict in one line: counts and the largest shift."""

@@ -56,7 +56,7 @@ class Difference:
 KINDS = ("cell", "order", "removed", "added", "moved", "process", "state", "posture", "spin")
 """Worst first: what changes all motions, then which work is done and where, then how."""
 SHOWN = 10
-"""So many lines are printed; the JSON document has all."""
+"""So many lines an answer has at most; the JSON document has all."""
 NAMED = 4
 """So many objects are named in a line of text; all stand in ``ids``."""
 

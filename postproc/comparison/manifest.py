@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +15,12 @@ from postproc.errors import KrlError, SourceRef
 from postproc.files import read_bytes, write_files
 from postproc.krl import KrlModule, load_modules
 
+_FRAME = re.compile(
+    rb"^; (tool|base) (\d+): X (.*?), Y (.*?), Z (.*?), A (.*?), B (.*?), C (.*?)\s*$", re.M
+)
+"""How the comments at the head of a program name its frames [mm, deg]."""
+_TAG = re.compile(rb"^S?(?:PTP|LIN|CIRC)\b[^;]*; CAM line (\d+): (.*?)\s*$", re.MULTILINE)
+"""How the comment behind a motion names its tag."""
 MANIFEST = "manifest.json"
 """What a batch keeps about the programs of a folder."""
 
@@ -20,24 +28,36 @@ MANIFEST = "manifest.json"
 def about(paths: Sequence[str]) -> dict[str, Any]:
     """Return ``tools``, ``bases`` and ``ids`` of a program by its files; empty where not known.
 
-    A manifest that was made with another text of the program says nothing about this one.
+    A manifest that was made with another text of the program says nothing about this one: then its
+    own comments do.
     """
     files = [Path(path) for path in paths]
     if not files or not all(path.is_file() for path in files):
         return {}
-    manifest = files[0].parent / MANIFEST
-    if not manifest.is_file():
-        return {}
-    try:
-        entries = json.loads(manifest.read_bytes())["entries"].values()
+    with suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
+        entries = json.loads((files[0].parent / MANIFEST).read_bytes())["entries"].values()
         marks = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
         known = [entry for entry in entries if marks.items() <= entry["files"].items()]
-        parts = {name: known[0][name] for name in ("tools", "bases", "ids")} if known else {}
+        parts = {name: dict(known[0][name]) for name in ("tools", "bases", "ids")} if known else {}
         frames = [*parts.get("tools", {}).values(), *parts.get("bases", {}).values()]
-        is_sound = all(len([float(v) for v in frame]) == 6 for frame in frames)
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        return {}
-    return parts if is_sound and all(isinstance(v, dict) for v in parts.values()) else {}
+        if parts and all(len([float(v) for v in frame]) == 6 for frame in frames):
+            return parts
+    with suppress(OSError, ValueError):
+        return _told(files)
+    return {}
+
+
+def _told(files: Sequence[Path]) -> dict[str, Any]:
+    """Return what the comments of a program say: its frames, its tags by their CAM line."""
+    found: dict[str, dict[str, Any]] = {"tools": {}, "bases": {}, "ids": {}}
+    names: dict[str, set[str]] = {}
+    for text in (path.read_bytes() for path in files if path.suffix.lower() == ".src"):
+        for kind, number, *values in _FRAME.findall(text):
+            found[f"{kind.decode()}s"][number.decode()] = [float(value) for value in values]
+        for line, name in _TAG.findall(text):
+            names.setdefault(line.decode(), set()).add(name.decode("ascii", "replace"))
+    found["ids"] = {line: min(known) for line, known in names.items() if len(known) == 1}
+    return found
 
 
 def accept(old: str | Path, new: str | Path) -> list[str]:

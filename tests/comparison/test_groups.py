@@ -77,7 +77,7 @@ def answer(capsys, *arguments):
 EDITS = {
     "one hole moved": (
         {"rows": edited("B2", x=65)},
-        "moved: CAM line 7 moved by (5, 0, 0) mm; 0 mm along and 5 mm",
+        "moved: B2 moved by (5, 0, 0) mm; 0 mm along and 5 mm",
     ),
     "all holes moved": (
         {"rows": [(n, x, y + 5, d, f) for n, x, y, d, f in ROWS]},
@@ -85,29 +85,29 @@ EDITS = {
     ),
     "added": (
         {"rows": [*ROWS[:5], ("N1", 30, 25, 12, 120), *ROWS[5:]]},
-        "added: 1 hole added: CAM line 7, at (30, 25, -12)",
+        "added: 1 hole added: N1, at (30, 25, -12)",
     ),
     "removed": (
         {"rows": [*ROWS[:6], *ROWS[7:]]},
-        "removed: 1 hole removed: CAM line 8, at (120, 50, -12)",
+        "removed: 1 hole removed: B3, at (120, 50, -12)",
     ),
-    "the first one removed": ({"rows": ROWS[1:]}, "removed: 1 hole removed: CAM line 2"),
-    "the last two removed": ({"rows": ROWS[:-2]}, "removed: 2 holes removed: CAM line 12, 13"),
+    "the first one removed": ({"rows": ROWS[1:]}, "removed: 1 hole removed: A1"),
+    "the last two removed": ({"rows": ROWS[:-2]}, "removed: 2 holes removed: C3, C4"),
     "one feed": (
         {"rows": edited("C2", feed=90)},
-        "process: feed 120 became 90 mm/min: CAM line 11",
+        "process: feed 120 became 90 mm/min: C2",
     ),
     "all feeds": (
         {"rows": [(*row[:4], 150) for row in ROWS]},
-        "process: feed 120 became 150 mm/min: CAM line 2, 3",
+        "process: feed 120 became 150 mm/min: A1, A2",
     ),
     "one depth": (
         {"rows": edited("C2", depth=14)},
-        "process: depth +2 mm along the tool: CAM line 11",
+        "process: depth +2 mm along the tool: C2",
     ),
     "two swapped": (
         {"rows": swapped(5, 7)},
-        "order: CAM line 7 and CAM line 9 swapped, same holes",
+        "order: B2 and B4 swapped, same holes",
     ),
     "order turned round": ({"rows": ROWS[::-1]}, "order: "),
     "tool number": ({"tool": 3}, "cell: tool 1 became 3: all 48 motions"),
@@ -115,11 +115,11 @@ EDITS = {
     "a home": ({"home": HOME}, "cell: a home at both ends, (0, -90, 90, 0, 30, 0) deg"),
     "base moved": (
         {"x": 1405},
-        "cell: all points as before in tool and base, 48 motions with other joint angles",
+        "cell: base 1 moved by (5, 0, 0) mm: 48 motions with it",
     ),
     "tool length": (
         {"length": 160},
-        "cell: all points as before in tool and base, 48 motions with other joint angles",
+        "cell: tool 1 moved by (10, 0, 0) mm: 48 motions with it",
     ),
 }
 
@@ -137,11 +137,11 @@ def test_the_first_line_says_what_was_done(made, capsys):
 
 def test_what_the_set_up_module_enters(made, capsys):
     for edit, expected in (
-        ({"x": 1405}, "cell: BASE_DATA[1] moved by (5, 0, 0) mm"),
-        ({"length": 160}, "cell: TOOL_DATA[1] moved by (10, 0, 0) mm"),
+        ({"x": 1405}, "BASE_DATA[1] moved by (5, 0, 0) mm"),
+        ({"length": 160}, "TOOL_DATA[1] moved by (10, 0, 0) mm"),
     ):
         folders = made(setup="true"), made(setup="true", **edit)
-        assert answer(capsys, "diff", *folders)[1].startswith(expected)
+        assert expected in "".join(answer(capsys, "diff", *folders)[1].splitlines()[:2])
 
 
 @pytest.mark.parametrize("most", [500, 10])
@@ -175,9 +175,9 @@ def test_what_the_manifest_knows(tmp_path, capsys, most):
         assert said.startswith(expected)
         assert said.partition("different: ")[0].count("\n") <= 6
     assert (len(list(old.glob("*.src"))) > 3) == (most == 10)
-    # a manifest of another text says nothing
+    # a manifest of another text says nothing, nor do comments that somebody took out
     program = new / "panel.src"
-    program.write_text(program.read_text() + "\n")
+    program.write_text(program.read_text().replace("; tool 1: ", "; "))
     assert "tool 1 moved" not in answer(capsys, "diff", old, new)[1]
 
 
@@ -192,7 +192,7 @@ def test_hands_edits_are_told_as_what_they_are(made, tmp_path, capsys):
     angle = line.partition("A1 ")[2].partition(",")[0]
     edits = {
         (line, line.replace(angle, f"{float(angle) + 3:.5f}")): "posture: joint targets moved by",
-        ("X 120.0000,Y 50.0000,Z 10.0000", "X 120.0000,Y 51.0000,Z 10.0000"): "moved: CAM line 8",
+        ("X 120.0000,Y 50.0000,Z 10.0000", "X 120.0000,Y 51.0000,Z 10.0000"): "moved: B3 moved",
         ("X 120.0000,Y 50.0000,Z 2.0000", "X 120.0000,Y 50.0000,Z 3.0000"): "process: approach",
         ("BAS(#VEL_PTP,50)", "BAS(#VEL_PTP,60)"): "process: $VEL_AXIS 50 became 60 %: all 48",
         ("$ADVANCE=3", "$ADVANCE=1"): "state: $ADVANCE 3 became 1",
@@ -223,9 +223,9 @@ def test_the_document(made, capsys):
     out = answer(capsys, "diff", made() / "panel.src", new / "panel.src", "--json")[1]
     groups = json.loads(out)["groups"]
     moved = groups[0]
-    assert (moved["kind"], moved["ids"]) == ("moved", ["CAM line 7"])
+    assert (moved["kind"], moved["ids"]) == ("moved", ["B2"])
     assert moved["worst"] == {
-        "id": "CAM line 7", "dx_mm": 3.0, "dy_mm": 4.0, "dz_mm": 0.0,
+        "id": "B2", "dx_mm": 3.0, "dy_mm": 4.0, "dz_mm": 0.0,
         "along_mm": 0.0, "across_mm": 5.0, "tilt_deg": 0.0,
     }  # fmt: skip
     assert sum(group["kind"] == "spin" for group in groups) <= 1

@@ -19,6 +19,7 @@ NAMES = (
     "page",
     "planning",
     "readers",
+    "steady",
 )
 """Modules beside this one; ``tesseract.py`` runs in an interpreter of its own."""
 

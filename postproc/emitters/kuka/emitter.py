@@ -38,6 +38,7 @@ from postproc.emitters.kuka.setup import (
 )
 from postproc.emitters.kuka.template import TemplateSet
 from postproc.errors import EmitError, SourceRef
+from postproc.geometry import kuka_from_transform
 from postproc.krl import (
     NO_BORDER,
     Call,
@@ -263,8 +264,21 @@ class _Program:
             "tool_name": self.cell.tools[self.plan.tool_of_moves[0]].name,
         }
 
+    def _frames_told(self) -> list[str]:
+        """Return tools and bases by number as the cell has them: ``base 3: X 1500, Y 0, ...``."""
+        used = [sorted(set(column)) for column in zip(*self._frames, strict=True)]
+        entries = [self.cell.tools[i] for i in used[0]], [self.cell.bases[i] for i in used[1]]
+        told = [(f"tool {tool.number}", tool.T_flange_tcp) for tool in entries[0]]
+        told += [(f"base {base.number}", base.T_robroot_base) for base in entries[1]]
+        lines = []
+        for name, T in told:
+            values = np.round(np.hstack(kuka_from_transform(np.asarray(T))), 4) + 0.0
+            six = (f"{word} {v:.10g}" for word, v in zip("XYZABC", values.tolist(), strict=True))
+            lines.append(f"{name}: {', '.join(six)}")
+        return lines
+
     def _main(self, body: Sequence[Statement]) -> list[Statement]:
-        values, texts = self._values(0), self._texts()
+        values, texts = {**self._values(0), "frames": self._frames_told()}, self._texts()
         return [
             *self.templates.statements("main_head", values, texts),
             *body,

@@ -342,9 +342,12 @@ class PartWriter:
         self.modal.disturb()
 
     def _cam_line(self, index: int) -> str:
-        """Return the comment that names the CAM line of a move."""
-        line = self.table.line[index]
-        return f" CAM line {line}" if line and self.style.cam_lines else ""
+        """Return the comment that names the CAM line of a move, and the tag where it has an id."""
+        line, names = self.table.line[index], self.plan.toolpath.names
+        if not line or not self.style.cam_lines:
+            return ""
+        name = "" if names is None else comment_text(names[self.plan.tag[index]])
+        return f" CAM line {line}: {name}" if name else f" CAM line {line}"
 
     def _target(self, index: int, target: Pose | Axes) -> Value:
         return self.points.add(index, target) if self._in_data else target

@@ -12,6 +12,7 @@ from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IndexArray
 from postproc.geometry import angle_between
 from postproc.kinematics import wrapped
 from postproc.ladder import NONE, Ladder, Rule, Tolls
+from postproc.model import CUTS
 from postproc.planning.checks import Reason
 from postproc.planning.route import ON_THE_SPOT
 from postproc.planning.search.between import Interpolation
@@ -84,6 +85,9 @@ _ROUND = 1e-5
 """A spin is round that is nearer to it, in such steps: the grid of poses rounds as well."""
 FINER_PRICE = 0.01
 """What a spin between round ones has to gain: 1 % of stiffness, less than any arm is known to."""
+ROUNDER = 2
+"""Of round spins every second one; the others have to gain as much. It halves how many holes turn
+where a base is measured anew by some mm or a tool is ground, for .1 % of stiffness."""
 _AT_ONCE = 1000
 """Tags whose states are priced together, so that memory stays bounded."""
 
@@ -180,9 +184,9 @@ def _round_about(problem: Problem, spin: FloatArray, free: BoolArray) -> FloatAr
     return rounded_spin(np.where(inside & free[:, None], spins, spin[:, None]))
 
 
-def is_round(problem: Problem, spin: FloatArray) -> BoolArray:
-    """Return which spins (n,) are round ones, all where the cell rounds none."""
-    step = problem.cell.optimize.spin_round
+def is_round(problem: Problem, spin: FloatArray, every: int = 1) -> BoolArray:
+    """Return which spins (n,) are ``every``-th round ones, all where the cell rounds none."""
+    step = every * problem.cell.optimize.spin_round
     off = np.abs(spin / step - np.round(spin / step)) if step else np.zeros(len(spin))
     return np.asarray(off < _ROUND)
 
@@ -260,6 +264,9 @@ def _in_window(
     tilt, spin = np.divmod(states.column, states.spins.shape[-1])
     owner = states.tag_of(np.arange(len(states.q)))
     states.cost[(spin == 0) & ~is_round(problem, at[0][:, 0])[owner]] += FINER_PRICE
+    alone = ~np.isin(np.asarray(problem.toolpath.kind)[tags], CUTS)[owner]
+    odd = ~is_round(problem, states.spin_of(np.arange(len(states.q))), ROUNDER)
+    states.cost[odd & alone] += FINER_PRICE
     near = beside_in_grid(problem.tilts) | np.eye(len(problem.tilts), dtype=np.bool_)
     states.cost[~near[window.tilt[tags][owner], tilt]] = np.inf
     return states, Edges.none(best_of(states)), window.best[tags]
