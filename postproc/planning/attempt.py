@@ -38,6 +38,7 @@ from postproc.planning.search import (
     loss_of,
     loss_report,
     on_round_spins,
+    searched,
     stretches,
     travel,
     without_roll,
@@ -96,7 +97,15 @@ class Attempt:
         self._best = best_index(checker, self.between) if self.is_smooth else None
         keys = key_tags(problem.toolpath, wishes) if self.is_smooth else dense_key_tags(problem)
         self._asked = int(keys.sum())
-        self.search = PoseSearch.of(checker, np.flatnonzero(keys), self._wish(), self.between)
+        self.search = searched(checker, np.flatnonzero(keys), self._wish(), self.between)
+
+    def widen(self) -> bool:
+        """Search all poses at once where it was done lap by lap; return whether it was."""
+        if self.search.wish.window is None:
+            return False
+        self.search = PoseSearch.of(self.checker, self.search.tags, self._wish(), self.between)
+        self.renew()
+        return True
 
     def _wish(self) -> Wish:
         problem, best = self.checker.problem, self._best

@@ -76,6 +76,8 @@ def solve(checker: Checker, clock: Clock, *, partial: bool, goes_on: bool) -> So
             if repair is None:
                 break
             in_vain[repair.name] += 1
+        if attempt.widen():
+            continue
         tried[repair.name] += 1
         attempt.renew()
     best = replace(best, tried=dict(tried))

@@ -49,6 +49,10 @@ class Reason(IntEnum):
     SPEED = 105
 
 
+_AT_ONCE = 8000
+"""Samples of motions whose poses are made together, so that memory stays bounded."""
+
+
 @dataclass(slots=True)
 class Verdict:
     """Reason (m,) for each item, and the colliding pair (m,) as an index or -1."""
@@ -308,9 +312,7 @@ class Checker:
         q = taken(lines.q_from, row) + share[:, None] * taken(lines.q_to - lines.q_from, row)
         if inner.any():
             which = row[inner]
-            T = poses_between(lines, which, share[inner])
-            external = lines.external_at(which, share[inner])
-            solved, reached = self.problem.solve(T, external, lines.branch[which], taken(q, inner))
+            solved, reached = self._solved(lines, which, share[inner], taken(q, inner))
             verdict.refuse(which[~reached], Reason.UNREACHABLE)
             solved = np.where(reached[:, None], solved, taken(q, inner))
             verdict.refuse(which[~self.problem.within(solved)], Reason.JOINT_LIMIT)
@@ -324,6 +326,20 @@ class Checker:
         leap = np.abs(taken(q, piece + 1) - taken(q, piece)).max(axis=1, initial=0.0)
         verdict.refuse(row[piece[leap > JUMP]], Reason.SINGULAR)
         return Track(row, share, q)
+
+    def _solved(
+        self, lines: Lines, row: IndexArray, share: FloatArray, near: FloatArray
+    ) -> tuple[FloatArray, BoolArray]:
+        """Return joints (k, 6) at samples of motions, and whether each (k,) is within reach."""
+        found, reached = np.empty_like(near), np.empty(len(near), dtype=np.bool_)
+        for low in range(0, len(row), _AT_ONCE):
+            own = slice(low, low + _AT_ONCE)
+            T = poses_between(lines, row[own], share[own])
+            external = lines.external_at(row[own], share[own])
+            found[own], reached[own] = self.problem.solve(
+                T, external, lines.branch[row[own]], near[own]
+            )
+        return found, reached
 
     def free_poses(self, q: FloatArray, external: FloatArray) -> BoolArray:
         """Return (m,) whether poses (m, 6) are free of any collision, contact included.

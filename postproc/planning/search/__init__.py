@@ -10,6 +10,7 @@ from postproc.planning.search.keytags import (
     spaced,
     stretches,
 )
+from postproc.planning.search.laps import searched
 from postproc.planning.search.loss import (
     DEFAULT_BOUND,
     LossBound,

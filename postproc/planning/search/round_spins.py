@@ -15,6 +15,7 @@ from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.errors import Finding, Severity
 from postproc.planning.search.between import Interpolation, cubic, slopes
 from postproc.planning.search.cuts import Spans, judge_rows
+from postproc.planning.search.laps import searched
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.search.rungs import FINER_PRICE, Window, is_round, yardstick
 from postproc.planning.states import Chosen, Problem, entered_anew
@@ -40,14 +41,17 @@ def on_round_spins(search: PoseSearch, chosen: Chosen, *, at_edges: bool) -> Cho
     if not chosen.good[tags].all() or broken[tags[1:]].any():
         return chosen
     best = np.full(len(problem), np.nan)
-    best[tags] = yardstick(problem, search.states, search.edges)
+    known = search.wish.window
+    best[tags] = (
+        yardstick(problem, search.states, search.edges) if known is None else known.best[tags]
+    )
     chain, edge = np.cumsum(~between.is_cut), chosen.spin.copy()
     alone = np.bincount(chain)[chain[tags]] == 1
     alone &= search.edges.is_between & (search.edges.branch == chosen.branch[tags])
     edge[tags[alone]] = search.edges.spin[alone]
     window = Window.around(problem, chosen, best, edge if at_edges else None)
     for _ in range(_TRIES):
-        near = PoseSearch.of(search.checker, tags, replace(search.wish, window=window), between)
+        near = searched(search.checker, tags, replace(search.wish, window=window), between)
         near.ladder.reach = _reach(near, chosen)
         moved = near.chosen(near.run())
         bad = np.union1d(np.flatnonzero(chosen.good & ~moved.good), sorted(near.wanted))

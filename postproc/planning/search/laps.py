@@ -1,0 +1,96 @@
+"""A long search lap by lap, so that memory is that of a lap.
+
+A lap is searched with some tags of the next, from the pose in which the one before ends, and one
+pose a tag stays of it. So another family of poses is taken on where that pays within a lap: what
+it costs to change, some units, is little beside a lap of that many tags. Cuts are searched whole:
+what joins their tags reaches far.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from postproc.arrays import IndexArray
+from postproc.ladder import NONE
+from postproc.planning.checks import Checker
+from postproc.planning.search.between import Interpolation
+from postproc.planning.search.edges import Edges
+from postproc.planning.search.pose_search import PoseSearch
+from postproc.planning.search.rungs import Window, Wish, yardstick
+
+LAP = 12_000
+"""Tags of a lap: about 300 MB. Shorter jobs are searched whole."""
+AHEAD = 500
+"""Tags of the next lap that are searched with one."""
+
+
+def searched(
+    checker: Checker, tags: IndexArray, wish: Wish | None, between: Interpolation
+) -> PoseSearch:
+    """Return the search over key tags (n,), of a long job the one over what its laps chose.
+
+    Arguments as of ``PoseSearch.of``.
+    """
+    wish = wish or Wish()
+    by_laps = _is_long(checker, tags, wish, between)
+    whole = _lapped(checker, tags, wish, between) if by_laps else None
+    return whole or PoseSearch.of(checker, tags, wish, between)
+
+
+def _is_long(checker: Checker, tags: IndexArray, wish: Wish, between: Interpolation) -> bool:
+    problem = checker.problem
+    is_plain = wish.least is None and wish.stretch is None and not wish.steady and not wish.parted
+    is_plain &= len(problem.tilts) == 1 and problem.cell.optimize.loss_bound is None
+    return len(tags) > LAP + AHEAD and is_plain and not between.is_cut.any()
+
+
+def _lapped(
+    checker: Checker, tags: IndexArray, wish: Wish, between: Interpolation
+) -> PoseSearch | None:
+    """Return the search over the poses that the laps chose; None where a tag has none."""
+    problem, n = checker.problem, len(checker.problem)
+    own = Window(
+        spins=np.zeros((n, 1)),
+        branch=np.zeros(n, dtype=np.int64),
+        q=np.zeros((n, 6)),
+        tilt=np.zeros(n, dtype=np.int64),
+        best=np.full(n, np.nan),
+    )
+    edges = Edges.none(np.full(n, np.nan))
+    for low in range(0, len(tags), LAP):
+        first, high = max(low - 1, 0), min(low + LAP, len(tags))
+        part = tags[first : high + AHEAD]
+        lap = PoseSearch.of(checker, part, wish, between)
+        if first < low:
+            _begin_at(lap, own, int(part[0]))
+        path = lap.run().path
+        if (path == NONE).any():
+            return None
+        done = slice(low - first, high - first)
+        at, kept = part[done], path[done]
+        own.spins[at, 0], own.branch[at] = lap.states.spin_of(kept), lap.states.branch[kept]
+        own.q[at] = lap.states.q[kept]
+        window = wish.window
+        own.best[at] = (
+            yardstick(problem, lap.states, lap.edges)[done] if window is None else window.best[at]
+        )
+        for name in Edges.__slots__:
+            getattr(edges, name)[at] = getattr(lap.edges, name)[done]
+    whole = PoseSearch.of(checker, tags, replace(wish, window=own), between)
+    if len(whole.states.q) != len(tags):
+        return None
+    whole.edges = Edges(*(getattr(edges, name)[tags] for name in Edges.__slots__))
+    for noted in (whole.checked, whole.free, whole.seen):
+        noted[:] = True
+    return whole
+
+
+def _begin_at(lap: PoseSearch, own: Window, tag: int) -> None:
+    """Leave of the first tag of a lap, ``tag``, the state alone in which the last one ended."""
+    count = int(lap.states.offsets[1])
+    off = np.abs(lap.states.q[:count] - own.q[tag]).max(axis=1)
+    off[lap.states.branch[:count] != own.branch[tag]] = np.inf
+    out = np.arange(count) != int(off.argmin())
+    lap.ladder.cost[:count][out] = np.inf
