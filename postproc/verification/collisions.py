@@ -16,6 +16,8 @@ from postproc.verification.corners import check_corner_ways
 from postproc.verification.report import AT_MOST, Remark, Said
 from postproc.verification.run import Run
 
+_AT_ONCE = 100_000
+"""Steps that are checked together, so that memory stays bounded."""
 _STILL = 1e-6
 """A tool point that moves by less [m] against the part stays where it is."""
 
@@ -56,14 +58,28 @@ def _hits(run: Run) -> Iterator[Remark | tuple[int, tuple[str, str]]]:
             first = scene.check(q[:1])
             if first.hit[0]:
                 yield 0, first.pairs[int(first.pair[0])]
-        hits = scene.check_paths(
-            taken(q, rows), taken(q, rows + 1), steps[rows], track=motion[rows + 1]
-        )
-        for row in np.flatnonzero(hits.hit).tolist():
-            yield int(motion[rows[row] + 1]), hits.pairs[int(hits.pair[row])]
+        for part in _parts(motion[rows + 1]):
+            own_rows = rows[part]
+            hits = scene.check_paths(
+                taken(q, own_rows),
+                taken(q, own_rows + 1),
+                steps[own_rows],
+                track=motion[own_rows + 1],
+            )
+            for row in np.flatnonzero(hits.hit).tolist():
+                yield int(motion[own_rows[row] + 1]), hits.pairs[int(hits.pair[row])]
         corner = np.flatnonzero(own[at] & own[at + 1])
         if len(corner):
             yield from check_corner_ways(run, scene, corner)
+
+
+def _parts(motion: AnyIntArray) -> Iterator[slice]:
+    """Yield steps (s,) of successive motions, ``_AT_ONCE`` or some more, no motion in two parts."""
+    low = 0
+    while low < len(motion):
+        high = int(np.searchsorted(motion, motion[min(low + _AT_ONCE, len(motion)) - 1], "right"))
+        yield slice(low, high)
+        low = high
 
 
 def _touching(run: Run, motion: AnyIntArray, pose: FloatArray) -> BoolArray:

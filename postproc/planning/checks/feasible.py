@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import field, fields, replace
 from enum import IntEnum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -50,7 +50,7 @@ class Reason(IntEnum):
 
 
 _AT_ONCE = 8000
-"""Samples of motions whose poses are made together, so that memory stays bounded."""
+"""Motions that are sampled together, so that memory stays bounded."""
 
 
 @dataclass(slots=True)
@@ -113,6 +113,15 @@ class Lines:
     def __len__(self) -> int:
         """Return the number of motions."""
         return len(self.q_from)
+
+    def cut(self, own: slice) -> Lines:
+        """Return some of the motions."""
+
+        def part(column: Any) -> Any:  # noqa: ANN401 - a column, a pair of them, or none
+            return tuple(map(part, column)) if isinstance(column, tuple) else column[own]
+
+        columns = {f.name: getattr(self, f.name) for f in fields(self)}
+        return replace(self, **{k: part(c) for k, c in columns.items() if c is not None})
 
     def external_at(self, row: IndexArray, share: FloatArray) -> FloatArray:
         """Return where the external axes stand (k, e) at ``share`` (k,) of motions ``row`` (k,)."""
@@ -305,6 +314,20 @@ class Checker:
 
     def track(self, lines: Lines, verdict: Verdict) -> Track:
         """Return the joint paths of CP motions; notes what stands against them."""
+        if len(lines) <= _AT_ONCE:
+            return self._tracked(lines, verdict)
+        parts: list[Track] = []
+        for low in range(0, len(lines), _AT_ONCE):
+            own = slice(low, low + _AT_ONCE)
+            part = self._tracked(lines.cut(own), Verdict(verdict.reason[own], verdict.pair[own]))
+            parts.append(Track(part.row + low, part.share, part.q))
+        return Track(
+            np.concatenate([part.row for part in parts]),
+            np.concatenate([part.share for part in parts]),
+            np.concatenate([part.q for part in parts]),
+        )
+
+    def _tracked(self, lines: Lines, verdict: Verdict) -> Track:
         row, share = self._shares(lines)
         turn = rotation_angle(lines.T_from[:, :3, :3], lines.T_to[:, :3, :3])
         verdict.refuse(np.nonzero(turn > LARGEST_TURN)[0], Reason.SINGULAR)
@@ -312,7 +335,9 @@ class Checker:
         q = taken(lines.q_from, row) + share[:, None] * taken(lines.q_to - lines.q_from, row)
         if inner.any():
             which = row[inner]
-            solved, reached = self._solved(lines, which, share[inner], taken(q, inner))
+            T = poses_between(lines, which, share[inner])
+            external = lines.external_at(which, share[inner])
+            solved, reached = self.problem.solve(T, external, lines.branch[which], taken(q, inner))
             verdict.refuse(which[~reached], Reason.UNREACHABLE)
             solved = np.where(reached[:, None], solved, taken(q, inner))
             verdict.refuse(which[~self.problem.within(solved)], Reason.JOINT_LIMIT)
@@ -326,20 +351,6 @@ class Checker:
         leap = np.abs(taken(q, piece + 1) - taken(q, piece)).max(axis=1, initial=0.0)
         verdict.refuse(row[piece[leap > JUMP]], Reason.SINGULAR)
         return Track(row, share, q)
-
-    def _solved(
-        self, lines: Lines, row: IndexArray, share: FloatArray, near: FloatArray
-    ) -> tuple[FloatArray, BoolArray]:
-        """Return joints (k, 6) at samples of motions, and whether each (k,) is within reach."""
-        found, reached = np.empty_like(near), np.empty(len(near), dtype=np.bool_)
-        for low in range(0, len(row), _AT_ONCE):
-            own = slice(low, low + _AT_ONCE)
-            T = poses_between(lines, row[own], share[own])
-            external = lines.external_at(row[own], share[own])
-            found[own], reached[own] = self.problem.solve(
-                T, external, lines.branch[row[own]], near[own]
-            )
-        return found, reached
 
     def free_poses(self, q: FloatArray, external: FloatArray) -> BoolArray:
         """Return (m,) whether poses (m, 6) are free of any collision, contact included.

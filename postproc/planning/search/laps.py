@@ -50,7 +50,7 @@ def _lapped(
     checker: Checker, tags: IndexArray, wish: Wish, between: Interpolation
 ) -> PoseSearch | None:
     """Return the search over the poses that the laps chose; None where a tag has none."""
-    problem, n = checker.problem, len(checker.problem)
+    n = len(checker.problem)
     own = Window(
         spins=np.zeros((n, 1)),
         branch=np.zeros(n, dtype=np.int64),
@@ -60,24 +60,8 @@ def _lapped(
     )
     edges = Edges.none(np.full(n, np.nan))
     for low in range(0, len(tags), LAP):
-        first, high = max(low - 1, 0), min(low + LAP, len(tags))
-        part = tags[first : high + AHEAD]
-        lap = PoseSearch.of(checker, part, wish, between)
-        if first < low:
-            _begin_at(lap, own, int(part[0]))
-        path = lap.run().path
-        if (path == NONE).any():
+        if not _took_lap(checker, tags, wish, between, low, own, edges):
             return None
-        done = slice(low - first, high - first)
-        at, kept = part[done], path[done]
-        own.spins[at, 0], own.branch[at] = lap.states.spin_of(kept), lap.states.branch[kept]
-        own.q[at] = lap.states.q[kept]
-        window = wish.window
-        own.best[at] = (
-            yardstick(problem, lap.states, lap.edges)[done] if window is None else window.best[at]
-        )
-        for name in Edges.__slots__:
-            getattr(edges, name)[at] = getattr(lap.edges, name)[done]
     whole = PoseSearch.of(checker, tags, replace(wish, window=own), between)
     if len(whole.states.q) != len(tags):
         return None
@@ -94,3 +78,34 @@ def _begin_at(lap: PoseSearch, own: Window, tag: int) -> None:
     off[lap.states.branch[:count] != own.branch[tag]] = np.inf
     out = np.arange(count) != int(off.argmin())
     lap.ladder.cost[:count][out] = np.inf
+
+
+def _took_lap(
+    checker: Checker,
+    tags: IndexArray,
+    wish: Wish,
+    between: Interpolation,
+    low: int,
+    own: Window,
+    edges: Edges,
+) -> bool:
+    """Note in place what the lap from tag ``low`` on chose; return whether each tag has a pose."""
+    first, high = max(low - 1, 0), min(low + LAP, len(tags))
+    part = tags[first : high + AHEAD]
+    lap = PoseSearch.of(checker, part, wish, between)
+    if first < low:
+        _begin_at(lap, own, int(part[0]))
+    path = lap.run().path
+    if (path == NONE).any():
+        return False
+    done = slice(low - first, high - first)
+    at, kept = part[done], path[done]
+    own.spins[at, 0], own.branch[at] = lap.states.spin_of(kept), lap.states.branch[kept]
+    own.q[at] = lap.states.q[kept]
+    if wish.window is None:
+        own.best[at] = yardstick(checker.problem, lap.states, lap.edges)[done]
+    else:
+        own.best[at] = wish.window.best[at]
+    for name in Edges.__slots__:
+        getattr(edges, name)[at] = getattr(lap.edges, name)[done]
+    return True
