@@ -5,3 +5,4 @@ from postproc.collision.mesh import load_mesh
 from postproc.collision.outlines import is_measured
 from postproc.collision.pairs import OUTLINE_SHARES
 from postproc.collision.scene import Scene
+from postproc.collision.surface import nearest_outside

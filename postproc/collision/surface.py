@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, numbered
 from postproc.collision.inside import parts_of
-from postproc.collision.mesh import Mesh, normals_of
+from postproc.collision.mesh import Mesh, joined, normals_of
 from postproc.records import dataclass
 from postproc.units import DEG
 
@@ -27,6 +29,26 @@ class SurfacePoints:
     point: FloatArray
     normal: FloatArray
     distance: FloatArray
+
+
+def nearest_outside(points: FloatArray, meshes: Sequence[Mesh], enough: float) -> float:
+    """Return the smallest distance of points (n, 3) from meshes [m], 0 inside one.
+
+    Below ``enough`` it is an upper bound: no nearer point is looked for.
+    """
+    boxes = [(mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)) for mesh in meshes]
+    beyond = [np.maximum(np.maximum(low - points, points - high), 0.0) for low, high in boxes]
+    off = np.linalg.norm(beyond, axis=2).min(axis=0)
+    near, least = points[off <= enough], float(off.min())
+    if len(near):  # by their boxes; now by themselves
+        surface, least = Surface(joined(list(meshes))), np.inf
+        for first in range(0, len(near), _BATCH):
+            found = surface.nearest(near[first : first + _BATCH])
+            is_out = np.sum((near[first : first + _BATCH] - found.point) * found.normal, 1) > 0.0
+            least = min(least, float((found.distance * is_out).min()))
+            if least <= enough:
+                break
+    return least
 
 
 class Surface:

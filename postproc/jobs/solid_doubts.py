@@ -11,9 +11,9 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.cell import Cell
-from postproc.collision import Body, Scene
+from postproc.collision import Body, Scene, nearest_outside
 from postproc.errors import Finding, Severity, SourceRef
-from postproc.geometry import apply, inverse
+from postproc.geometry import inverse
 from postproc.kinematics import Kinematics, build
 from postproc.model import WORKING, ToolPath
 from postproc.process import claimed
@@ -82,15 +82,10 @@ def place_findings(toolpath: ToolPath, cell: Cell) -> tuple[Finding, ...]:
 def _of_place(
     points: FloatArray, T_base_world: FloatArray, bodies: list[Body], path: str
 ) -> Iterator[Finding]:
-    """Compare tags (n, 3) [m] with the boxes around the solids of their part."""
-    corners = [apply(T_base_world, body.vertices) for body in bodies]
-    boxes = [(part.min(axis=0), part.max(axis=0)) for part in corners]
-    gap = min(
-        float(
-            np.linalg.norm(np.maximum(np.maximum(low - points, points - high), 0.0), axis=1).min()
-        )
-        for low, high in boxes
-    )
+    """Compare tags (n, 3) [m] with the solids of their part."""
+    parts = [body.mesh.moved(T_base_world) for body in bodies]
+    boxes = [(part.vertices.min(axis=0), part.vertices.max(axis=0)) for part in parts]
+    gap = nearest_outside(points, parts, NEAR)
     low, high = np.min([box[0] for box in boxes], axis=0), np.max([box[1] for box in boxes], axis=0)
     spread, size = float(np.ptp(points, axis=0).max()), float((high - low).max())
     names = " and ".join(body.name for body in bodies)

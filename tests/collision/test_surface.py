@@ -8,7 +8,7 @@ from scipy.optimize import nnls
 from postproc.cell.cell import MeshPlacement
 from postproc.collision.mesh import Mesh, box, joined, loft, ring
 from postproc.collision.scene import Scene
-from postproc.collision.surface import Surface, nearest_in_triangle
+from postproc.collision.surface import Surface, nearest_in_triangle, nearest_outside
 from postproc.errors import CellError, DataError
 from postproc.geometry.frames import apply, transform_from_kuka
 from tests.collision.conftest import at, box_at, cell_of, wavy_sheet, write_stl
@@ -91,3 +91,12 @@ def test_no_workpiece_is_an_error(arm_of):
     with pytest.raises(CellError) as caught:
         Scene.build(cell, arm_of(cell)).surface_normals(np.zeros((1, 3)))
     assert caught.value.code == "COL007"
+
+
+def test_between_two_posts_is_far_from_both():
+    post = box((0.02, 0.02, 0.02))
+    posts = [post, post.moved(at(0.4, 0.2, 0.0))]
+    middle = np.column_stack([np.linspace(0.1, 0.3, 5), np.full(5, 0.1), np.zeros(5)])
+    for parts in (posts, [joined(posts)]):  # of one mesh the points are in its box
+        assert nearest_outside(middle, parts, 0.02) == pytest.approx(0.09 * np.sqrt(2.0))
+    assert nearest_outside(np.zeros((1, 3)), posts, 0.02) == 0.0
