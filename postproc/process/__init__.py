@@ -18,7 +18,7 @@ from postproc.process.feeds import (
     least_feeds,
 )
 from postproc.process.loads import load_cases, operation_loads, weight_wrench
-from postproc.process.looks import SHALLOW, SMALL, as_served, looks, stands
+from postproc.process.looks import SHALLOW, SMALL, as_served, from_below, looks, stands
 from postproc.process.machining import machining_findings
 from postproc.process.material import (
     ALONG_AXIS,

@@ -113,6 +113,40 @@ def _turned(toolpath: ToolPath, outward: FloatArray | None) -> Finding | None:
     return _warning("PTS002", text, toolpath, at)
 
 
+def _flips(toolpath: ToolPath, _: FloatArray | None) -> Finding | None:
+    """Moves of a cut on which the tool would be swung to the other side of the part.
+
+    Of lists ``_turned`` tells which of the two normals it is.
+    """
+    cosine = np.einsum("ij,ij->i", toolpath.axes[1:], toolpath.axes[:-1])
+    into = np.isin(toolpath.kind, CUTS)[1:] & (toolpath.format != "csv")
+    at = np.flatnonzero(into & (cosine < _AGAINST)) + 1
+    if not len(at):
+        return None
+    lines = [f"{toolpath.line[tag - 1]} to {toolpath.line[tag]}" for tag in at[:_SHOWN]]
+    text = f"the tool axis turns to the other side within a cut: lines {_list(lines, len(at))}"
+    return _warning("PTS002", text, toolpath, at)
+
+
+def from_below(toolpath: ToolPath, cell: Cell) -> tuple[Finding, ...]:
+    """Return a warning where every normal of a list points down, and nothing says it is right.
+
+    With a solid of the part ``looks`` tells; a part that a positioner turns has no side below.
+    """
+    turns = any(axis.kind != "rail" for axis in cell.external_axes)
+    if toolpath.format != "csv" or turns or any(base.meshes for base in cell.bases):
+        return ()
+    rows = _known(toolpath, all_of_lists=True)
+    up = [(cell.robot.T_world_robroot @ base.T_robroot_base)[2, :3] for base in cell.bases]
+    if not len(rows) or np.max(toolpath.axes[rows] @ np.transpose(up)) > _AGAINST:
+        return ()
+    text = (
+        f"the tool comes from below at all {len(rows)} points: normals go from the tip to the "
+        "holder, and no solid says which side of the part is out"
+    )
+    return (_warning("PTS006", text, toolpath, rows),)
+
+
 def _extent(toolpath: ToolPath, _: FloatArray | None) -> Finding | None:
     """All points within less than any job."""
     points = toolpath.points[np.isfinite(toolpath.points).all(axis=1)]
@@ -167,7 +201,7 @@ def _spacing(toolpath: ToolPath, _: FloatArray | None) -> Finding | None:
 
 
 LOOKS: tuple[Callable[[ToolPath, FloatArray | None], Finding | None], ...] = (
-    _doubles, _turned, _extent, _depth, _spacing,
+    _doubles, _turned, _flips, _extent, _depth, _spacing,
 )  # fmt: skip
 """What is looked at, in the order of the warnings."""
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from postproc.model import Cycle, CycleKind, MotionKind, ToolPath
-from postproc.process import looks
+from postproc.process import from_below, looks
+from tests.samples import cell_in
 
 NAMES = {
     "PTS001": "double",
@@ -16,6 +17,7 @@ NAMES = {
     "PTS003": "small",
     "PTS004": "flat",
     "PTS005": "short",
+    "PTS006": "below",
 }
 
 
@@ -124,3 +126,24 @@ def test_the_looks_grow_with_the_size_only(same):
     start = time.process_time()
     looks(cloud(points, normals))
     assert time.process_time() - start < 5.0
+
+
+def test_a_cut_that_swings_to_the_other_side_is_seen():
+    found = {}
+    for form in ("apt", "csv"):
+        for turned in (0, 3, 5):
+            axes = np.tile([0.0, 0.0, 1.0], (6, 1))
+            axes[turned] = [0.1, 0.0, -0.995]
+            points = np.column_stack([np.arange(6) * 0.02, np.zeros(6), np.zeros(6)])
+            part = cloud(points, axes, kind=MotionKind.LINEAR, format=form)
+            found[form, turned] = set(seen(part))
+    assert set(map(frozenset, found.values())) == {frozenset({"turned"})}
+
+
+def test_a_list_that_is_worked_from_below_is_asked_about(tmp_path):
+    points, normals = grid()
+    cell, told = cell_in(tmp_path), {}
+    for name, sign, form in (("up", 1.0, "csv"), ("down", -1.0, "csv"), ("stated", -1.0, "apt")):
+        found = from_below(cloud(points, sign * normals, format=form), cell)
+        told[name] = [finding.code for finding in found]
+    assert told == {"up": [], "down": ["PTS006"], "stated": []}
