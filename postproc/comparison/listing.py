@@ -15,6 +15,7 @@ import re
 import sys
 from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -321,7 +322,7 @@ class _Lister(Interpreter):
 
     def said(self, statement: Statement) -> str:
         """Return a statement as it is written, with the values that its names have here."""
-        text = spaced(render_statement(statement))
+        text = spaced(render_statement(replace(statement, comment="")))
         values = []
         for name in dict.fromkeys(_NAME.findall(text)):
             scope = self._memory.lookup(name)

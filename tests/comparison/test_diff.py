@@ -67,6 +67,7 @@ SAME = {
     "comments and folds": change(
         "WAIT SEC 0.5", "; now\n;FOLD wait\nWAIT SEC 0.5 ; half a second\n;ENDFOLD"
     ),
+    "a comment behind every line": "\n".join(f"{line} ; c" for line in OLD.split("\n")),
     "blank lines and blanks": OLD.replace("\n", "\n\n").replace(",", " , "),
     "case of words": change("LIN {X 10.0", "lin {x 10.0"),
     "digits": change("X 10.0,Y 0.0", "X 10,Y 0.0000"),

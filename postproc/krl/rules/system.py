@@ -13,7 +13,7 @@ from postproc.krl.rules.slips import nearest
 from postproc.krl.rules.subject import ERROR, WARNING, Subject
 from postproc.krl.system import Effect, bas_commands, components_of, system_variable
 from postproc.krl.system import system_variables as listed_variables
-from postproc.krl.text import Assign, Call, Enum, Reference, Statement
+from postproc.krl.text import Assign, Call, Enum, Expr, Reference, Statement
 
 _BASE_NAME = re.compile(r"\$\w+")
 
@@ -82,8 +82,13 @@ def _set(subject: Subject, part: Part, line: int, item: Assign) -> None:
     variable = system_variable(name)
     if variable is not None and variable.effect is Effect.READ_ONLY:
         subject.add(30, ERROR, part.path, line, f"{name} is read only")
-    if variable is not None and variable.constants and isinstance(item.value, Enum):
-        _constant(subject, part, line, name, item.value.name, variable.constants)
+    if variable is not None and variable.constants:
+        if isinstance(item.value, Enum):
+            _constant(subject, part, line, name, item.value.name, variable.constants)
+        elif not isinstance(item.value, Expr):
+            expected = ", #".join(sorted(variable.constants))
+            message = f"{name} takes one of its constants, expected #{expected}"
+            subject.add(30, ERROR, part.path, line, message)
 
 
 def _command(subject: Subject, part: Part, call: Call, commands: Collection[str]) -> None:
