@@ -151,6 +151,18 @@ def remove_files(paths: Iterable[Path]) -> None:
             raise ReadError("IO003", f"cannot be removed: {reason}", SourceRef(str(path))) from None
 
 
+def shown_from(given: str | Path, path: Path) -> str:
+    """Return how a message names a file: from where the user stands, as ``given`` was named.
+
+    Args:
+        given: the file that leads to ``path`` (the cell), as the call names it.
+        path: of a file; one outside the folder of ``given`` is named whole.
+    """
+    folder = Path(given).parent
+    whole = folder.resolve()
+    return str(folder / path.relative_to(whole) if path.is_relative_to(whole) else path)
+
+
 def leftovers(folder: Path) -> list[Path]:
     """Return the temporary files that killed writers have left in a folder."""
     return [p for p in sorted(folder.glob(".*.part")) if _TEMPORARY.fullmatch(p.name)]

@@ -112,8 +112,8 @@ class Registry(Generic[T]):
             if info.name == name and info.problem:
                 return f"{info} cannot be used: {info.problem}"
         known = ", ".join(sorted((*self._parts, *more)))
-        text = f"no {self.group[:-1]} is named {name!r}, known are {known}"
-        return f"{text}; others come as plug-ins"
+        text = f"no {self.group[:-1]} is named {name!r}, expected {known}"
+        return f"{text}; others are plug-ins: install one, or write it by the plug-in tutorial"
 
     def __iter__(self) -> Iterator[tuple[str, T]]:
         """Yield name and part, ordered by name."""

@@ -19,7 +19,7 @@ def test_an_unknown_name_lists_those_known():
     parts = Registry("readers", "postproc.model")
     parts._loaded = True
     parts.register("apt")(1)
-    with pytest.raises(PluginError, match="known are apt"):
+    with pytest.raises(PluginError, match="expected apt"):
         parts.get("atp")
 
 

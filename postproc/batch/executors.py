@@ -88,14 +88,16 @@ def run_dask(
         memory: GiB of address space per job, None = no limit.
 
     Raises:
-        PluginError: BAT030 if the cluster extra is not installed.
+        PluginError: PLG008 if the cluster extra is not installed.
         DataError: BAT031 if no scheduler answers.
     """
     try:
         from distributed import Client
     except ImportError:
         raise PluginError(
-            "BAT030", "--dask needs the extra postproc[cluster]", SourceRef("postproc")
+            "PLG008",
+            '--dask needs an extra: pip install "postproc[cluster]"',
+            SourceRef("postproc"),
         ) from None
 
     def connected() -> Any:  # noqa: ANN401 - distributed has no types

@@ -30,8 +30,8 @@ SCHEMA = "postproc.manifest/1"
 NAME = "manifest.json"
 JOURNAL = ".postproc-journal"
 LOCK = ".postproc-lock"
-_OF_THE_RUN = re.compile(r"error (BAT\d+|IO00\d):")
-"""Errors of what was around an input, not of the input."""
+_OF_THE_RUN = re.compile(r"error (BAT\d+|IO00\d|PLG\d+):")
+"""Errors of what was around an input, such as an extra that is missing, not of the input."""
 _KEYS = {"status", "program", "tags", "cycle_time_s", "files", "errors", "fingerprint"}
 
 

@@ -23,7 +23,7 @@ LENGTHS = ("a1", "a2", "b", "c1", "c2", "c3", "c4")
 KUKA_SIGNS = (-1, 1, 1, -1, 1, -1)
 """q_opw = sign * q_kuka - offset, of every six-axis arm of KUKA."""
 KUKA_OFFSETS_DEG = (0, -90, 0, 0, 0, 0)
-_SHOWN = 12
+_SHOWN = 5
 """Names of robots in one message at most."""
 _ASSUMED_RAMP = 0.5
 """Seconds to full speed, where nothing says how fast a joint accelerates."""
@@ -44,7 +44,13 @@ _FIELDS = {
 _SINGLE = {"M": "B", "K": "B", "X": "B"}
 """Trust of a number that rests on this source alone; C for any other."""
 
-_SERIES = re.compile(r"\b(kuka|quantec|fortec|agilus|cybertech|iontec|robot|industrial)\b")
+_SERIES_KG = {
+    "agilus": (3, 10), "cybertech": (6, 22), "iontec": (20, 70), "quantec": (90, 300),
+    "fortec": (240, 600), "titan": (750, 1000),
+}  # fmt: skip
+"""Rated payloads [kg] of KUKA's series, as its brochures give them."""
+_FILLING = {"kuka", "robot", "industrial", *_SERIES_KG} - {"titan"}
+"""Words that tell no arm from another; a titan has no other name."""
 _NO_NAME = re.compile(
     r"c[1-5](sr|vkrc)?|flr|clg|wll|wal|deck|boden|wand|g|s|zh\d.*|\d{3}|krc\d", re.I
 )
@@ -91,14 +97,19 @@ def find_robot(name: str, source: SourceRef | None = None) -> str:
     found = _spellings().get(normal(name)) or _spellings().get(normal(type_of(name)))
     if found is not None:
         return found
-    several = candidates(type_of(name), robot_names())
     lists = f"`postproc robots` lists all {len(robot_names())}"
-    if 1 < len(several) <= _SHOWN:
-        text = f"{name!r} may be {', '.join(several[:-1])} or {several[-1]}: name one of them"
+    several = candidates(type_of(name), robot_names())
+    series = series_of(name)
+    if series is not None:
+        kg = "-".join(f"{limit}" for limit in series)
+        text = f"{name!r} is a series of KUKA, about {kg} kg, expected one of its arms"
+        hint = f"`postproc robots --payload {series[0]}` lists those that carry as much"
+    elif several and normal(name):
+        several.sort(key=lambda known: _row(known)["trust"])
+        some = ", ".join(several[:_SHOWN])
+        more = f" and {len(several) - _SHOWN} more" if len(several) > _SHOWN else ""
+        text = f"{name!r} begins the names of {len(several)} robots, expected one: {some}{more}"
         hint = lists
-    elif several:
-        text = f"{name!r} may be any of {len(several)} built-in robots: name one of them"
-        hint = f"{lists}, --reach and --payload choose among them"
     elif normal(name).startswith("kr"):
         near = nearest(name, robot_names())
         text = f"no built-in robot is named {name!r}, the nearest is {near[0]!r}"
@@ -291,7 +302,14 @@ def _origin(key: str, trust: str) -> Origin:
 def normal(name: str) -> str:
     """Return a name without case, signs, blanks and the words of series."""
     plain = re.sub(r"[_\s]+", " ", name.lower())
-    return re.sub(r"[^a-z0-9]", "", _SERIES.sub("", plain))
+    return re.sub(r"[^a-z0-9]", "", re.sub(rf"\b({'|'.join(sorted(_FILLING))})\b", "", plain))
+
+
+def series_of(name: str) -> tuple[int, int] | None:
+    """Return the payloads [kg] of the series that a name gives in place of an arm."""
+    words = set(re.findall("[a-z]+", name.lower()))
+    found = (kg for series, kg in _SERIES_KG.items() if series in words)
+    return None if re.search(r"\d", name) else next(found, None)
 
 
 def type_of(trafoname: str) -> str:

@@ -170,7 +170,7 @@ def _step(path: Path, raw: bytes) -> FloatArray:
     del raw
     if find_spec("cascadio") is None:
         text = 'a STEP file is read by an extra: pip install "postproc[step]"'
-        raise CellError("COL001", text, SourceRef(str(path)), "or export the solid as STL")
+        raise CellError("PLG008", text, SourceRef(str(path)), "or export the solid as STL")
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder) / "solid.glb"
         tessellate = Path(__file__).with_name("tessellate.py")

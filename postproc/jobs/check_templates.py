@@ -11,6 +11,7 @@ import numpy as np
 from postproc.cell import Cell
 from postproc.emitters import Against, emit, read_back
 from postproc.errors import Finding, PostprocError, Severity, SourceRef
+from postproc.files import shown_from
 from postproc.jobs.drive import Drive, motion_plan
 from postproc.model import Event, EventKind, Plan
 from postproc.planning import free_posture
@@ -63,7 +64,7 @@ def _silent(cell: Cell, folder: Path, text: str) -> Iterator[Finding]:
                 Severity.ERROR,
                 "EMT336",
                 f"the template of {kind} does not call {routine}, which stands for it",
-                source=SourceRef(str(file)),
+                source=SourceRef(shown_from(cell.path, file)),
                 hint=f"name the routine that it calls: [krl.hooks] {kind} = ...",
             )
 

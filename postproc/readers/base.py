@@ -7,6 +7,7 @@ reader, so a large one loads what it reads with in its ``read``.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -38,6 +39,9 @@ CYCLE_WORDS = (
 """What a number of a positional drill cycle can mean."""
 CATIA_WORDS = ("depth", "clearance", "feed", "dwell")
 HEAD_BYTES = 1 << 16
+_POST = "post the operation as APT/CL, G-code or CSV; --format names one that is not recognised"
+_SOLID = "a solid belongs into the cell: meshes of [workpiece], [tool] or [[obstacles]]; " + _POST
+_PROGRAM = "lint, verify and diff read programs; convert, inspect and stiffness read CAM files"
 Numbers = TypeVar("Numbers", float, FloatArray)
 
 
@@ -209,6 +213,34 @@ def _head(path: str) -> bytes:
     return head
 
 
+_FOREIGN = (
+    (re.compile(rb"ISO-10303-21;"), "a STEP solid", _SOLID),
+    (re.compile(rb"solid |\s*facet "), "an STL solid", _SOLID),
+    (re.compile(rb".{72}S {6}1", re.DOTALL), "an IGES model", _SOLID),
+    (re.compile(rb"\s*0\r?\nSECTION"), "a DXF drawing", _POST),
+    (re.compile(rb"%PDF-"), "a PDF document", _POST),
+    (re.compile(rb"(?:&\w+.*\s+)*(?:GLOBAL )?DEF(?:DAT|FCT)? ", re.I), "a KUKA program", _PROGRAM),
+    (re.compile(rb"MODULE \w+"), "a RAPID program of ABB", _POST),
+    (re.compile(rb"/PROG "), "a TP program of Fanuc", _POST),
+)
+"""How files begin that people take for a toolpath: what each is, and what to do with it."""
+
+
+def _unknown(path: str, head: bytes) -> ReadError:
+    """Return the error of a file that no reader takes."""
+    known = ", ".join(name for name, _ in READERS)
+    for pattern, what, hint in _FOREIGN:
+        if pattern.match(head.removeprefix(b"\xef\xbb\xbf").lstrip()):
+            return ReadError("IO010", f"{what}, expected {known}", SourceRef(path), hint)
+    text, hint = f"this is none of the formats {known}", _POST
+    ending = Path(path).suffix.lower()
+    for name, reader in READERS:
+        if ending in getattr(reader, "suffixes", ()):
+            text = f"named {ending} as {name} is, but nothing in it looks like {name}"
+            hint = f"--format {name} reads it as {name} all the same and says what is wrong with it"
+    return ReadError("IO010", text, SourceRef(path), hint)
+
+
 def _sniffed(path: str, head: bytes) -> tuple[str, tuple[Finding, ...]]:
     """Return the name of the reader that is surest, and plug-ins that failed to say."""
     scores, failed = [], []
@@ -220,13 +252,7 @@ def _sniffed(path: str, head: bytes) -> tuple[str, tuple[Finding, ...]]:
             failed.append(Finding(Severity.WARNING, "PLG007", f"not asked: {problem.message}"))
     best, runner_up = sorted([(0.0, ""), (0.0, ""), *scores])[:-3:-1]
     if best[0] <= 0.0:
-        known = ", ".join(name for _, name in scores)
-        raise ReadError(
-            "IO010",
-            f"this is none of the formats {known}",
-            SourceRef(path),
-            "if it is one of them, name it with --format",
-        )
+        raise _unknown(path, head)
     if best[0] == runner_up[0]:
         raise UsageError(
             "IO013",

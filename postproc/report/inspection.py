@@ -164,9 +164,10 @@ def text_lines(toolpath: ToolPath) -> list[str]:
     rows += [
         (
             f"{item['cycle']} cycle",
-            f"{item['holes']} holes; first in line {item['line']}, heights along the tool axis: "
-            f"approach {item['approach_mm']:g}, surface {item['surface_mm']:g}, "
-            f"depth {item['depth_mm']:g}, retract {item['retract_mm']:g} mm",
+            f"{item['holes']} holes; the first, line {item['line']}: feed from "
+            f"{item['approach_mm'] - item['surface_mm']:.6g} mm above its surface to "
+            f"{item['surface_mm'] - item['depth_mm']:.6g} mm below, retract to "
+            f"{item['retract_mm'] - item['surface_mm']:.6g} mm above",
         )
         for item in facts["cycles"]
     ]

@@ -129,8 +129,7 @@ def check_advance(run: Run) -> Iterator[Said]:
         first = surmised[0]
         names = ", ".join(sorted({event.name for event in surmised}))
         text = (
-            f"{names}: what these routines do is not in these files; unless their lines stop the "
-            f"advance run first, they act up to {max(e.early for e in surmised)} motions early: "
-            "[krl.hooks] stops_advance names those that do, and has WAIT SEC 0 before the others"
+            f"{names} may act up to {max(e.early for e in surmised)} motions early: not among these "
+            "files; [krl.hooks] stops_advance names routines that stop the advance run"
         )
         yield Remark(RunKind.ADVANCE, trace.place_of(first), text, Severity.WARNING)

@@ -53,6 +53,7 @@ def test_the_journal_of_a_killed_run_counts_but_not_its_torn_last_line(tmp_path)
         ("error", "out/A.src:1: error IO003: disk full", False),
         ("error", "a.cls:1: error BAT013: its name is taken", False),
         ("error", "a.cls:1: error BAT033: another version", False),
+        ("error", "part.step:1: error PLG008: a STEP file is read by an extra", False),
         ("crash", "a.cls:1: error BAT022: the worker died", False),
         ("timeout", "a.cls:1: error BAT021: not done", False),
         ("memory", "a.cls:1: error BAT020: too much", False),

@@ -55,6 +55,10 @@ def test_a_template_that_leaves_its_event_out_is_named(shop):
 
 
 def test_templates_that_are_no_krl_are_found_without_a_part(shop):
-    for template, said in (("INIT LIN X\n", "EMT333"), ("{{ nothing }}\n", "EMT331")):
-        assert [said in text for _, text in shop(template)] == [True, True]
+    for template, said in (
+        ("INIT LIN X\n", "EMT333"), ("PTP {A1 0}\n", "EMT333"), ("{{ nothing }}\n", "EMT331"),
+    ):  # fmt: skip
+        told = [text for _, text in shop(template)]
+        assert all(f"shop/spindle_on.j2:1: error {said}" in text for text in told), told
+        assert not any("/shop/" in text for text in told), "named from where the user stands"
     assert [code for code, _ in shop("{{ hooks.spindle_on }}({{ rpm }})\n")] == [0, 0]

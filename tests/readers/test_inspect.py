@@ -129,7 +129,7 @@ def test_an_unknown_format_is_one_line_with_those_known(name, arguments, capsys)
     assert run([name, *arguments, "--format", "step"]) == 2
     first = capsys.readouterr().err.splitlines()[0]
     assert "error CLI001" in first
-    assert "no reader is named 'step', known are apt, auto, csv, delmia, gcode" in first
+    assert "no reader is named 'step', expected apt, auto, csv, delmia, gcode" in first
 
 
 @pytest.mark.parametrize(

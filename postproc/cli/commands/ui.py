@@ -34,10 +34,9 @@ def command(session: Session, /, cell: str, source: str | None, port: int, no_br
     """
     if any(importlib.util.find_spec(name) is None for name in _NEEDED):
         raise UsageError(
-            "UI001",
-            "the workbench is an extra that is not installed",
+            "PLG008",
+            'the workbench needs an extra: pip install "postproc[ui]"',
             SourceRef("postproc"),
-            hint='pip install "postproc[ui]"',
         )
     from postproc.workbench import open_workbench
 

@@ -321,6 +321,6 @@ class _Program:
             raise EmitError(
                 "EMT333",
                 f"template attributes gives {wrong!r}, expected & before each line",
-                SourceRef("attributes.j2"),
+                self.templates.file("attributes"),
             )
         return tuple(line[1:] for line in lines)

@@ -124,9 +124,10 @@ def _blamed(
         if file is not None and file.is_file():
             text = f"the template of {silent[0]} does not call {hooks[silent[0]]}: {fault}"
             hint = f"name the routine that it calls: [krl.hooks] {silent[0]} = ..."
-            yield Finding(Severity.ERROR, "EMT336", text, source=SourceRef(str(file)), hint=hint)
+            source = templates.file(silent[0])
+            yield Finding(Severity.ERROR, "EMT336", text, source=source, hint=hint)
         elif origin is None:
-            hint = f"the templates of {templates.own} replace built-in ones: {_KEYS}"
+            hint = f"the cell's own templates replace built-in ones: {_KEYS}"
             yield replace(finding, hint=hint)
         else:
             text = f"the template gives {row.strip()[:60]!r}: {fault}"
@@ -135,8 +136,8 @@ def _blamed(
 
 _FAILS = "the program text fails its check: "
 _KEYS = (
-    "[krl.hooks] names the routine that an event calls, [verify] accept what is known to be "
-    "harmless; postproc check CELL --templates tests them without a part"
+    "[krl.hooks] names the routine of an event, [verify] accept what is harmless; "
+    "check CELL --templates tests them"
 )
 
 

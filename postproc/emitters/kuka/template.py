@@ -16,11 +16,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from postproc.errors import EmitError, SourceRef
+from postproc.files import shown_from
 from postproc.krl import (
     Blank,
     Comment,
     FoldBegin,
     KrlModule,
+    Move,
     Statement,
     comment_text,
     numbers,
@@ -86,10 +88,8 @@ class TemplateSet:
         except (TemplateError, TypeError, ValueError, ArithmeticError, RecursionError) as problem:
             reason = " ".join(str(problem).split()) or type(problem).__name__
             number = getattr(problem, "lineno", None) or 1
-            where = getattr(problem, "name", None) or f"{name}.j2"
-            raise EmitError(
-                "EMT331", f"template: {reason}", SourceRef(str(where), number)
-            ) from problem
+            where = self.file(getattr(problem, "name", None) or name, number)
+            raise EmitError("EMT331", f"template: {reason}", where) from problem
         lines = [line.strip() for line in text.split("\n") if line.strip()]
         self._check(name, lines)
         return lines
@@ -118,9 +118,14 @@ class TemplateSet:
                 raise EmitError(
                     "EMT333",
                     f"template {name} begins a routine, expected statements only",
-                    SourceRef(f"{name}.j2"),
+                    self.file(name),
                 )
-            self._read[key] = [s for s in module.main.statements if not isinstance(s, Blank)]
+            found = [s for s in module.main.statements if not isinstance(s, Blank)]
+            moves = next((render_statement(s) for s in found if isinstance(s, Move)), None)
+            if moves is not None:
+                text = f"template {name} moves the arm: {moves.strip()[:60]!r}, expected no motion"
+                raise EmitError("EMT333", text, self.file(name))
+            self._read[key] = found
         return [_filled(statement, name, outside) for statement in self._read[key]]
 
     def module(self, name: str, values: Mapping[str, object], module_name: str) -> KrlModule:
@@ -137,7 +142,7 @@ class TemplateSet:
             raise EmitError(
                 "EMT333",
                 f"template {name} gives {line[:80]!r}: {problem.message}",
-                SourceRef(f"{name}.j2"),
+                self.file(name),
             )
         return module
 
@@ -150,7 +155,7 @@ class TemplateSet:
                     "EMT332",
                     f"template {name} gives the line {line[:60]!r}, expected at most "
                     f"{LINE_LENGTH} printable ASCII characters",
-                    SourceRef(f"{name}.j2"),
+                    self.file(name),
                 )
 
     @property
@@ -170,8 +175,14 @@ class TemplateSet:
                 fixed = ["".join(part.split()).upper() for part in _VALUE.split(row)]
                 pattern = ".*".join(re.escape(part) for part in fixed)
                 if any(fixed) and re.fullmatch(pattern, wanted):
-                    return SourceRef(str(path), number, row.strip())
+                    return self.file(path.name, number, row.strip())
         return None
+
+    def file(self, name: str, line: int = 1, text: str = "") -> SourceRef:
+        """Return a line of a template, its file named from where the cell file was named."""
+        name = f"{name.removesuffix('.j2')}.j2"
+        folder = next((one for one in self._folders if (one / name).is_file()), self._folders[-1])
+        return SourceRef(shown_from(self.source.path, folder / name), line, text)
 
     @cached_property
     def _read(self) -> dict[object, list[Statement]]:

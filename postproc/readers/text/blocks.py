@@ -73,6 +73,9 @@ def check_line_length(path: str, length: int, line: int) -> None:
         )
 
 
+_AS_CSV = "in Excel or LibreOffice: Save As, type CSV (UTF-8)"
+
+
 def check_text(path: str, data: bytes, first_line: int) -> None:
     """Raise ReadError IO012 if ``data``, which begins at ``first_line``, is no text."""
     at = data.find(b"\0")
@@ -81,8 +84,12 @@ def check_text(path: str, data: bytes, first_line: int) -> None:
     line = first_line + data.count(b"\n", 0, at)
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         message = "UTF-16 text, expected ASCII, Latin-1 or UTF-8; save the file in one of these"
+    elif data[:4] == b"PK\3\4" and b"vnd.oasis" in data[:200]:
+        message = f"a LibreOffice sheet (.ods), expected text; {_AS_CSV}"
     elif data[:4] == b"PK\3\4":
-        message = "an Excel workbook or ZIP archive, expected text; save the sheet as CSV"
+        message = f"an Excel workbook (.xlsx) or ZIP archive, expected text; {_AS_CSV}"
+    elif data[:8] == b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1":
+        message = f"an Excel workbook of old (.xls) or Office file, expected text; {_AS_CSV}"
     else:
         message = "NUL byte, so this is a binary or damaged file; expected text"
     raise ReadError("IO012", message, SourceRef(path, line))
