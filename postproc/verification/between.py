@@ -129,7 +129,7 @@ def check_advance(run: Run) -> Iterator[Said]:
         first = surmised[0]
         names = ", ".join(sorted({event.name for event in surmised}))
         text = (
-            f"{names} may act up to {max(e.early for e in surmised)} motions early: not among these "
-            "files; [krl.hooks] stops_advance names routines that stop the advance run"
+            f"{names} may act up to {max(e.early for e in surmised)} motions early: not among "
+            "these files; [krl.hooks] stops_advance names routines that stop the advance run"
         )
         yield Remark(RunKind.ADVANCE, trace.place_of(first), text, Severity.WARNING)

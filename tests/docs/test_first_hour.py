@@ -14,9 +14,11 @@ CELL = str(FIXTURES / "drilling_panel" / "cell.toml")
 PANEL = str(FIXTURES / "drilling_panel" / "panel.csv")
 NEW = ("new-cell", "-o", "new.toml", "--robot")
 CONVERT = ("convert", "few.csv", "--cell", CELL, "-o", "out")
+BATCH = ("batch", "--cell", CELL, "-o", "made", "--jobs", "1")
+HEAD = "id,x,y,z,i,j,k,depth,feed,rpm\n"
 FILES = {
-    "few.csv": "id,x,y,z,i,j,k,depth,feed,rpm\nH1,0,0,0,0,0,1,5,100,3000\nH2,60,0,0,0,0,1,5,100,3000\n",
-    "far.csv": "id,x,y,z,i,j,k,depth,feed,rpm\nH1,9000,0,0,0,0,1,5,100,3000\n",
+    "few.csv": HEAD + "H1,0,0,0,0,0,1,5,100,3000\nH2,60,0,0,0,0,1,5,100,3000\n",
+    "far.csv": HEAD + "H1,9000,0,0,0,0,1,5,100,3000\n",
     "tilted.csv": "x,y,z,i,j,k,depth\n100,200,300,0,0.6,0.8,7\n",
     "bad.csv": "x,y,z,i,j,k\nabc\n",
     "list.csv": "some words\nand others\n",
@@ -44,15 +46,15 @@ TABLE = [
     (("inspect", "nobody.apt"), 2, ("nobody.apt:1: error IO001", "no such file")),
     (("inspect", "tilted.csv"), 0, ("to 7 mm below", "above its surface")),
     (("convert", "tool.nc", "--cell", CELL, "-o", "out"), 1, ("tool.nc:5", "G41", "compensation")),
-    (("convert", "far.csv", "--cell", CELL, "-o", "out"), 1, ("far.csv:2", "out of reach", "no program")),
+    (("convert", "far.csv", "--cell", CELL, "-o", "out"), 1, ("far.csv:2", "out of reach")),
     ((*CONVERT, "--report", "page.html"), 0, ("out/few.src", "tags     2", "page.html")),
     (("verify", "out/few.src", "--cell", CELL, "--against", "few.csv"), 0,
      ("measure", "allowed", "where", "out/few.src:", "2 passed in order", "good")),
     (("lint", "out/few.src"), 0, ("0 errors",)),
     (("diff", "out", "out"), 0, ("same",)),
-    (("batch", "few.csv", "bad.csv", "far.csv", "--cell", CELL, "-o", "made", "--jobs", "1"), 1,
+    ((*BATCH, "few.csv", "bad.csv", "far.csv"), 1,
      ("converted 1 of 3, failed 2", "bad.csv", "far.csv:2")),
-    (("batch", "few.csv", "bad.csv", "--cell", CELL, "-o", "made", "--jobs", "1", "-q"), 1, ("bad.csv",)),
+    ((*BATCH, "few.csv", "bad.csv", "-q"), 1, ("bad.csv",)),
     (("check", CELL), 0, ("kuka_kr500_r2830", "CEL147", "home_deg")),
     (("explain", "nobody"), 2, ("'nobody'", "postproc explain lists all")),
     (("explain", "joint_margin"), 0, ("soft limit", "joint_margin_deg")),
