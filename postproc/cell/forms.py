@@ -68,7 +68,7 @@ def _check_hooks(toml: TomlText, file: CellFile) -> None:
         raise CellError("CEL014", text, toml.source(("process", "hole")))
     for place, name in enumerate(steps):
         if name in own or steps.index(name) != place:
-            why = "stands twice" if name not in own else "is called by the CAM file"
+            why = "appears twice" if name not in own else "is called by the CAM file"
             source = toml.source(("process", "hole", place))
             raise CellError("CEL014", f"process.hole: {name!r} {why}", source)
     for name in file.krl.hooks.model_extra or {}:

@@ -204,7 +204,7 @@ def _own_name(placement: MeshPlacement, owner: str) -> str:
 
 
 def _told_apart(bodies: list[Body]) -> tuple[Body, ...]:
-    """Return the bodies with a number behind names that stand twice."""
+    """Return the bodies with a number behind names that appear twice."""
     seen: dict[str, int] = {}
     result = []
     for body in bodies:

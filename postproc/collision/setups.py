@@ -1,6 +1,6 @@
 """Which workpieces can stand in the cell together: two solids are never at one place.
 
-A part that is clamped anew in the same fixture is drawn twice, once in each setup. Where solids of
+A part that is clamped again in the same fixture is drawn twice, once in each setup. Where solids of
 two setups overlap, the ones of the setup in work are there and those of the other are not. Setups
 side by side stay: the tool can hit either.
 """

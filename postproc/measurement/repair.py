@@ -52,7 +52,7 @@ def repaired(
         measured: the campaign.
         kinematics: of the robot.
         cell: with the tool that is expected to be measured.
-        registered: the measured frame is unknown: each guess is registered anew.
+        registered: the measured frame is unknown: each guess is registered again.
         frame: the registration that holds otherwise, None for the robot root.
     """
     measured = _in_celsius(measured)

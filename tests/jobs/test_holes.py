@@ -205,7 +205,7 @@ def test_keys_of_holes_are_checked(tmp_path, run):
     cell = tmp_path / "cell.toml"
     for tables, words in (
         ('[process]\nfeed_by = "unit"\nhole = []\n', "process.hole is empty"),
-        ('[process]\nhole = ["clamp", "clamp"]\n', "'clamp' stands twice"),
+        ('[process]\nhole = ["clamp", "clamp"]\n', "'clamp' appears twice"),
         ('[process]\nhole = ["stop"]\n', "'stop' is called by the CAM file"),
         ('[krl.hooks]\nclmp = "X"\n', "unknown key 'krl.hooks.clmp'"),
         ('[process]\nhole = ["clamp"]\n[krl.hooks]\nclamp = "A B"\n', "expected the name"),

@@ -103,7 +103,7 @@ def test_inspect_never_stops(tmp_path, run):
     assert uses["CUTCOM"]["lines"] == lines["CUTCOM/LEFT"]
     assert uses["MYWORD"] == {
         "word": "MYWORD", "class": "unknown", "refused": True, "lines": lines["MYWORD/1"],
-        "reason": "stands in no table of words",
+        "reason": "is in no table of words",
     }  # fmt: skip
     assert document["unknown_words"]["MYWORD"] == 1
 

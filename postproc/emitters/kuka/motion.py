@@ -242,7 +242,7 @@ class PartWriter:
     def _frames_change(self, index: int) -> bool:
         """Return whether tool or base change before a move, and no routine changes the tool.
 
-        Such a routine may select what it needs itself: behind its call both are selected anew. The
+        Such a routine may select what it needs itself: behind its call both are selected again. The
         head of a file selects those of its first move.
         """
         if index == self.part.first or not self.table.is_reframed[index]:

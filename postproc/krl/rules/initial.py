@@ -32,7 +32,7 @@ def initialised(subject: Subject) -> None:
 def _ini_places(subject: Subject, part: Part) -> None:
     lines = [call.line for call in part.of(Call) if bas(call)[0] == "INITMOV"]
     for line in lines[1:]:
-        subject.add(9, ERROR, part.path, line, f"INI stands twice in {part.routine.name}")
+        subject.add(9, ERROR, part.path, line, f"INI appears twice in {part.routine.name}")
     if lines and part.key in subject.called_routines:
         subject.add(
             9,

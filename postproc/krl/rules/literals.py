@@ -70,7 +70,7 @@ def _aggregate(subject: Subject, path: str, line: int, value: Aggregate, type_na
     names = [name.upper().partition("[")[0] for name, _ in value.fields]
     repeated = {name for name in names if names.count(name) > 1}
     if repeated:
-        subject.add(7, ERROR, path, line, f"component {sorted(repeated)[0]} stands there twice")
+        subject.add(7, ERROR, path, line, f"component {sorted(repeated)[0]} appears there twice")
     kind = value.type_name.upper() or type_name
     allowed = _allowed(kind, names)
     unknown = [name for name in names if allowed is not None and name not in allowed]

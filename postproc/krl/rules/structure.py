@@ -171,7 +171,7 @@ def _data_lines(subject: Subject, module: KrlModule, data: DataList) -> None:
 
 
 def labels(subject: Subject) -> None:
-    """Row 29: every GOTO has its label in the routine, and no label stands there twice."""
+    """Row 29: every GOTO has its label in the routine, and no label appears there twice."""
     for part in subject.parts:
         controls = part.of(Control)
         lines: dict[str, int] = {}

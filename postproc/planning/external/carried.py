@@ -32,7 +32,7 @@ _SLOW = 10.0
 """What the time of a cut at full feed costs likewise, as long again as it takes: 1 % of it is as
 bad as 1 % of stiffness beyond the loss that `balanced` takes for nothing."""
 _ROUNDS = 2
-"""So often a carried cut is planned anew where it was refused."""
+"""So often a carried cut is planned again where it was refused."""
 PlanRun = Callable[[Run], Plan]
 
 

@@ -152,7 +152,7 @@ def keep_unknown(state: AptState, statement: Statement, line: int) -> None:
 
 
 def _unknown(state: AptState, statement: Statement, line: int) -> None:
-    """Refuse a word that stands in no table."""
+    """Refuse a word that is in no table."""
     first = statement.word.split(" ")[0].split(",")[0]
     ends = state.dialect.ends
     slip = first in _SLASHED or any(_is_near(first, end) for end in ends)
@@ -161,7 +161,7 @@ def _unknown(state: AptState, statement: Statement, line: int) -> None:
         raise state.faults.error(
             "APT005", f"{statement.word[:30]!r} is no word; is it {near}?", line, statement.text
         )
-    reason = "stands in no table of words" + (f"; is it {near}?" if near else "")
+    reason = "is in no table of words" + (f"; is it {near}?" if near else "")
     state.uses.refuse(shortened(first), WordClass.UNKNOWN, line, reason)
     keep_unknown(state, statement, line)
 

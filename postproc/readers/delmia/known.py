@@ -1,6 +1,6 @@
 """What may stand in an OLP file: every element with its attributes, from files and their manual.
 
-What stands in no table may change anything, so it is refused by its name like a word of APT.
+What is in no table may change anything, so it is refused by its name like a word of APT.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ _ONLY = {
 
 
 class Strange:
-    """Collects what stands in no table.
+    """Collects what is in no table.
 
     Args:
         found: lines by name, filled as elements are looked at.

@@ -71,7 +71,7 @@ _REFUSED = {
     (WordClass.GEOMETRY, "calls another program or block of the control"): "M96 M97 G65 G66 G67",
 }
 REFUSED = {code: Refusal(*why) for why, codes in _REFUSED.items() for code in codes.split()}
-UNKNOWN = Refusal(WordClass.UNKNOWN, "stands in no table of codes")
+UNKNOWN = Refusal(WordClass.UNKNOWN, "is in no table of codes")
 
 
 def refusal(code: str) -> Refusal:

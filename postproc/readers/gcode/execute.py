@@ -60,7 +60,7 @@ def _values(machine: Machine, block: Block) -> dict[str, float]:
         if word.letter in "GMNO":
             continue
         if word.letter in values:
-            text = f"{word.letter} stands twice in a block"
+            text = f"{word.letter} appears twice in a block"
             raise machine.faults.error("GCD003", text, block.line)
         if word.letter in _AXES and word.whole and word.value != 0.0:
             text = "lengths without a decimal point are whole units; some controls read thousandths"
@@ -88,9 +88,7 @@ def _refuse(machine: Machine, block: Block, codes: list[str], values: dict[str, 
             hint = "[import] head or --head says what a head's rotary words turn"
             machine.uses.refuse(letter, WordClass.COORDINATES, block.line, text, hint)
         elif letter not in _KNOWN:
-            machine.uses.refuse(
-                letter, WordClass.UNKNOWN, block.line, "stands in no table of words"
-            )
+            machine.uses.refuse(letter, WordClass.UNKNOWN, block.line, "is in no table of words")
 
 
 def _modes(machine: Machine, block: Block, codes: list[str]) -> None:
