@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -60,7 +61,8 @@ def _command(name: str, command: click.Command) -> Iterator[str]:
     for parameter in command.params:
         record = parameter.get_help_record(context)
         if record is not None:
-            yield f"| `{_cell_text(record[0])}` | {_cell_text(record[1])} |"
+            name = record[0].replace("|", "\\|")
+            yield f"| `{name}` | {_cell_text(record[1])} |"
     if command.epilog:
         lines = _plain(command.epilog).splitlines()
         yield "\nExamples:\n\n```text"
@@ -73,7 +75,7 @@ def _plain(text: str | None) -> str:
 
 
 def _cell_text(text: str) -> str:
-    return " ".join(text.split()).replace("|", "\\|")
+    return re.sub(r"([|\[\]])", r"\\\1", " ".join(text.split()))
 
 
 def _cell() -> str:
