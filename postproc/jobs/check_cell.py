@@ -206,7 +206,7 @@ def _axes(context: _Context) -> Iterator[Finding]:
 def _solids(context: _Context) -> Iterator[Finding]:
     cell = context.cell
     has_part = any(base.meshes for base in cell.bases)
-    unseen = "has no meshes: its collisions cannot be seen"
+    unseen = "has no meshes: collisions with it are not checked"
     if not has_part:
         at = next(where for _, where, _ in context.bases())
         yield context.finding(Severity.WARNING, "CEL105", f"the workpiece {unseen}", *at)

@@ -98,7 +98,7 @@ def _of_place(
     yield Finding(
         Severity.WARNING,
         "CEL151",
-        f"{text}: collisions with the part are not seen",
+        f"{text}: collisions with the part would be missed",
         source=SourceRef(path),
         hint="check frame, scale and unit of the workpiece's meshes, and the unit of this file",
     )

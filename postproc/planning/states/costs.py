@@ -198,7 +198,7 @@ def weights_of(cell: Cell) -> Weights:
         part = OBJECTIVES.get(name)
         if part.is_stiffness and not cell.has_stiffness:
             notes.append(
-                f"no joint stiffness in the cell: {name!r} is left out, poses follow joint travel"
+                f"no joint stiffness in the cell: {name!r} is left out, joint travel decides"
             )
         elif weight > 0.0:
             states.append((name, float(weight), part))
