@@ -32,7 +32,15 @@ from postproc.cell.choices import (
     Split,
     Strategy,
 )
-from postproc.cell.edit import base_location, edited_cell
+from postproc.cell.edit import (
+    ABC_DIGITS,
+    XYZ_DIGITS,
+    base_location,
+    cell_changes,
+    edited_cell,
+    frame_document,
+    refitted,
+)
 from postproc.cell.file import cell_toml, load_cell, parse_cell
 from postproc.cell.forms import cam_key
 from postproc.cell.instrument import Instrument

@@ -37,7 +37,6 @@ from postproc.cell.robotfile import (
 )
 from postproc.cell.schema import (
     CellFile,
-    CutterTable,
     DimensionsTable,
     ExternalAxisTable,
     Placement,
@@ -59,6 +58,8 @@ from postproc.units import DEG, MM, NMM_PER_RAD, PERCENT, RPM
 
 _MOST_EXPLAINED = 100
 """Errors of one file that are put into words: six are shown."""
+CUTTER = "cutter"
+"""Name of the solid that a tool has by its key ``cutter``."""
 
 
 def load_cell(path: str | Path) -> Cell:
@@ -218,7 +219,8 @@ class _Builder:
         axis = None if table.axis is None else AXES[table.axis]
         meshes = self._solids(table.meshes, (*at, "meshes"), "tool")
         if table.cutter is not None and axis is not None:
-            meshes += (_cutter(table.cutter, T_flange_tcp, axis),)
+            size = table.cutter.diameter_mm * MM, table.cutter.length_mm * MM
+            meshes += (cutter_solid(*size, T_flange_tcp, axis),)
         own = table.inertia_kg_m2 or inertia
         return Tool(
             number=table.number,
@@ -318,16 +320,23 @@ def _solid(table: Solid, name: str, file: Path | None) -> MeshPlacement:
     )
 
 
-def _cutter(table: CutterTable, T_flange_tcp: FloatArray, axis: FloatArray) -> MeshPlacement:
-    """Return the cylinder of a cutter, in the flange: its tip at the TCP."""
-    length = table.length_mm * MM
+def cutter_solid(
+    diameter: float, length: float, T_flange_tcp: FloatArray, axis: FloatArray
+) -> MeshPlacement:
+    """Return the cylinder of a cutter, in the flange: its tip at the TCP.
+
+    Args:
+        diameter: [m].
+        length: from the tip back to the holder [m].
+        T_flange_tcp: (4, 4) of the tool.
+        axis: (3,) of the tool, in the TCP frame.
+    """
     main = int(np.argmax(np.abs(axis)))
     R = np.roll(np.eye(3), 2 - main, axis=1)  # a proper rotation whose third column is ``main``
-    T_tcp_mesh = transform(R, -0.5 * length * axis)
     return MeshPlacement(
-        name="cutter",
-        T_owner_mesh=T_flange_tcp @ T_tcp_mesh,
-        radius=0.5 * table.diameter_mm * MM,
+        name=CUTTER,
+        T_owner_mesh=T_flange_tcp @ transform(R, -0.5 * length * axis),
+        radius=0.5 * diameter,
         length=length,
         cutting=True,
     )

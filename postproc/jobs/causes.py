@@ -1,27 +1,43 @@
 """Why tags fail, as a colleague would say it: one sentence for each cause, with the least cure.
 
-Blame is by removal: a rule, a solid, the tool axis or the place is to blame if the job can be run
-with it changed, and with nothing else. The smallest change is looked for by the poses alone; none
-is told before the whole job is converted with it.
+Blame is by removal: a rule, a solid, a unit, the tool axis or the place is to blame if the job can
+be run with it changed, and with nothing else. Where no single change does, the smallest set of
+rules and solids without which every tag has a pose is to blame. The least change is looked for by
+the poses alone; none is told before the whole job is converted with it.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import field
+from itertools import takewhile
 from typing import Any
 
 import numpy as np
 
-from postproc.arrays import FloatArray
-from postproc.cell import Cell, MeshPlacement
-from postproc.errors import Finding
-from postproc.geometry import AXES, rotation_z, transform
+from postproc.arrays import BoolArray, IndexArray
+from postproc.cell import Cell, cell_changes
+from postproc.errors import Finding, PostprocError
+from postproc.jobs.cures import (
+    Cure,
+    Obstacle,
+    axis_points_back,
+    fixtures,
+    met,
+    part_solids,
+    rules,
+    shifts,
+    tool_axes,
+    tool_solids,
+    turned_away,
+    turns,
+    units,
+)
 from postproc.model import ToolPath
 from postproc.planning import Reach
 from postproc.records import dataclass
-from postproc.units import DEG, MM
+from postproc.toml import Location
 
 WORDS = {
     "PLN101": "out of reach",
@@ -29,15 +45,21 @@ WORDS = {
     "PLN103": "at a straight wrist",
     "PLN104": "in collision",
 }
-_LONGEST = 3.2
-"""No farther move [m] is looked for: it would be another cell."""
-_SHORTEST = 5.0 * MM
+_NEAR = 0.25
+"""Share of the longest move of the part that is tried before the tool axis is doubted."""
 _CLOSE = 1.03
-"""A least amount is known to this factor."""
-_MORE = (1.0, 1.04, 1.08)
+"""A least amount is known to this factor, ..."""
+_FINEST = 1.0 / 50.0
+"""... or to this share of the first amount that is tried."""
+_MORE = (1.0, 1.04, 1.08, 1.3, 1.7, 2.4)
 """An amount that the poses allow is tried at these factors until the whole job can be run."""
+_ASKED = 24
+"""So many failing tags, evenly taken, are asked whether they have a pose."""
+_WAYS = 3
+"""So many ways to move the same thing are converted with, the shortest first."""
 
 Good = Callable[[Cell], bool]
+Read = Callable[[Cell], ToolPath]
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +67,8 @@ class Cause:
     """Tags that fail together: ``reason`` as of their findings, what is to blame, what cures it.
 
     ``amount``: of the cure, in ``unit``; ``text``: the sentence. ``proven``: the job was converted
-    with it, and is good.
+    with it, and is good. ``changes``: what the cure is in the cell file, empty where it is nothing
+    in there.
     """
 
     tags: int
@@ -56,28 +79,19 @@ class Cause:
     unit: str
     text: str
     proven: bool
+    changes: Mapping[Location, object] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the entry of the JSON document."""
-        return {name: getattr(self, name) for name in self.__slots__}
-
-
-@dataclass(frozen=True, slots=True)
-class _Cure:
-    """A change by amounts from 0 to ``most``; ``at`` returns the cell, ``words`` what to do."""
-
-    blame: str
-    most: float
-    at: Callable[[float], Cell]
-    words: Callable[[float], str]
-    amount: Callable[[float], float | None] = lambda value: value
-    unit: str = ""
-    first: float = 0.0
-    """Where the search begins; 0: only ``most`` is tried."""
+        changes = [
+            {"path": list(location), "value": value} for location, value in self.changes.items()
+        ]
+        names = [name for name in self.__slots__ if name != "changes"]
+        return {**{name: getattr(self, name) for name in names}, "changes": changes}
 
 
 def causes(
-    toolpath: ToolPath, cell: Cell, findings: Sequence[Finding], converts: Good
+    toolpath: ToolPath, cell: Cell, findings: Sequence[Finding], converts: Good, read: Read
 ) -> tuple[Cause, ...]:
     """Return why a job fails, with what cures it; nothing where no tag has failed by its pose.
 
@@ -86,212 +100,273 @@ def causes(
         cell: as it is.
         findings: errors of the plan.
         converts: whether the whole job is good in a cell.
+        read: the input as it is read with a cell of another unit or tool axis.
     """
-    failing = {f.tag_index: f.code for f in findings if f.is_error and f.code in WORDS}
-    if not failing or len(failing) < len({f.tag_index for f in findings if f.is_error}):
+    failing = {
+        f.tag_index: f.code
+        for f in findings
+        if f.is_error and f.code in WORDS and f.tag_index is not None
+    }
+    if not failing:
         return ()
-    reason = Counter(failing.values()).most_common(1)[0][0]
-    whole = len(failing) == len(toolpath)
-    head = f"{'all ' if whole else ''}{len(failing)} tags are {WORDS[reason]}"
-    head = head if len(failing) > 1 else f"tag {_name(toolpath, failing)} is {WORDS[reason]}"
+    job = _Job(toolpath, cell, failing, read)
+    tried = Counter[str]()
+    for found in job.single():
+        blame = found[0].blame
+        tried[blame] += 1
+        value = job.proven(found, converts) if tried[blame] <= _WAYS else None
+        if value is not None:
+            return (job.told(found, value),)
+    return job.several(converts)
 
-    def stands(here: Cell) -> bool:
-        return Reach.of(toolpath, here).serves(tuple(k for k in failing if k is not None))
 
-    for cure in _cures(toolpath, cell, stands, hits="PLN104" in failing.values(), whole=whole):
-        found = _least(cure, stands)
-        for factor in _MORE if found is not None and cure.first else _MORE[:1]:
-            if found is None or found * factor > cure.most:
+class _Job:
+    """A job that fails, asked in other cells."""
+
+    def __init__(
+        self, toolpath: ToolPath, cell: Cell, failing: Mapping[int, str], read: Read
+    ) -> None:
+        self._path, self._cell, self._codes, self._read = toolpath, cell, failing, read
+        self._tags = np.array(sorted(failing))
+        self._most = 2 * len(failing) > len(toolpath)
+        self._hard = self._tags[:0]
+        self._reach = Reach.of(toolpath, cell)
+        names = [toolpath.tag_name(int(tag)) for tag in self._tags]
+        self._rules = list(rules(cell, names))
+        hits = "PLN104" in failing.values()
+        kinds = [list(kind(cell)) if hits else [] for kind in (fixtures, tool_solids, part_solids)]
+        self._fixtures, self._of_tools, self._of_parts = kinds
+        self._solids = [*self._fixtures, *self._of_parts, *self._of_tools]
+
+    # ---- what is asked --------------------------------------------------------------------------
+
+    def stands(self, cell: Cell) -> bool:
+        """Return whether the failing tags, and those that stood, have a pose in a cell."""
+        some = self._tags[:: max(1, len(self._tags) // _ASKED)]
+        try:
+            reach = Reach.of(self._read(cell), cell)
+            for asked in (self._hard, np.union1d(some, reach.spread())):
+                good = reach.served(asked)
+                if not good.all():
+                    self._hard = asked[~good][:1]  # asked first from now on
+                    return False
+        except PostprocError:
+            return False
+        return True
+
+    def _lost(self, cell: Cell) -> BoolArray:
+        """Return which of the failing tags have no pose in a cell."""
+        return ~Reach.of(self._read(cell), cell).served(self._tags)
+
+    # ---- one cause ------------------------------------------------------------------------------
+
+    def single(self) -> Iterator[tuple[Cure, float]]:
+        """Yield changes with their least amounts, what is most likely to be wrong first."""
+        for rule in self._rules:
+            yield from self._tamed(rule)
+        yield from self._of_place(suspect=True)
+        arm_hits = list[Obstacle]()
+        if self._solids and self.stands(_off(self._solids, self._cell)):
+            for thing in self._in_the_way():
+                yield from self._least(thing.cures(self._cell))
+            arm_hits = self._of_parts
+        moves = self._least(shifts(self._reach, self._cell))
+        far: list[tuple[Cure, float]] = []
+        for cure, least in moves:
+            if least > _NEAR * cure.most:
+                far = [(cure, least)]
                 break
-            value = _rounded(cure, found * factor)
-            if converts(cure.at(value)):
-                remedy = cure.words(value)
-                text = f"{head}: {cure.blame}; {remedy} and all can be run"
-                amount = cure.amount(value)
-                return (
-                    Cause(len(failing), reason, cure.blame, remedy, amount, cure.unit, text, True),
-                )
-    text = f"{head}: no single change of a rule, a solid, the tool axis or the place frees them all"
-    return (Cause(len(failing), reason, "", "", None, "", text, False),)
+            yield cure, least
+        yield from self._of_place(suspect=False)
+        yield from far
+        yield from moves
+        for thing in arm_hits:
+            yield from self._tamed(thing)
 
+    def _of_place(self, *, suspect: bool) -> Iterator[tuple[Cure, float]]:
+        """Yield other units, and where most tags fail tool axes and sides of the part.
 
-def _name(toolpath: ToolPath, failing: dict[int | None, str]) -> str:
-    tag = next(iter(failing))
-    return "" if tag is None else toolpath.tag_name(tag)
+        ``suspect``: those that look wrong by themselves, or those that do not.
+        """
+        if self._most is suspect:
+            is_open = any(text.startswith("lengths in mm") for text in self._path.assumed)
+            now = self._cell.reading.units or ("mm" if is_open else "")
+            yield from self._least(list(units(self._cell, now)))
+        if not self._most:
+            return
+        if axis_points_back(self._cell) is suspect:
+            yield from self._least(list(tool_axes(self._cell)))
+        if turned_away(self._reach) is suspect:
+            yield from self._least(list(turns(self._reach, self._cell)))
 
+    def _in_the_way(self) -> Iterator[Obstacle]:
+        """Yield solids without which all stand: fixtures, then tools with the part they hit."""
 
-def _rounded(cure: _Cure, value: float) -> float:
-    return float(np.ceil(value / MM - 1e-6) * MM) if cure.unit == "mm" and cure.first else value
+        def freeing(things: Sequence[Obstacle]) -> list[Obstacle]:
+            return [thing for thing in things if self.stands(thing.off(self._cell))]
 
+        yield from freeing(self._fixtures)
+        tools, parts = freeing(self._of_tools), freeing(self._of_parts)
+        yield from (met(tool, part) for tool in tools for part in parts)
+        if not parts:
+            yield from tools
 
-def _least(cure: _Cure, stands: Good) -> float | None:
-    """Return the least amount with which the failing tags have a pose, None without any."""
-    if not cure.first:
-        return cure.most if stands(cure.at(cure.most)) else None
-    low, high = 0.0, cure.first
-    while not stands(cure.at(high)):
-        low, high = high, 2.0 * high
-        if low >= cure.most:
-            return None
-    while high > _CLOSE * low and high - low > cure.first / 8.0:
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if stands(cure.at(middle)) else (middle, high)
-    return high
+    def _tamed(self, thing: Obstacle) -> Iterator[tuple[Cure, float]]:
+        """Yield what tames a thing, where the tags have a pose without it."""
+        if self.stands(thing.off(self._cell)):
+            yield from self._least(thing.cures(self._cell))
 
+    def _least(
+        self, cures: Sequence[Cure], off: Callable[[Cell], Cell] = lambda cell: cell
+    ) -> Iterator[tuple[Cure, float]]:
+        """Yield cures with their least amounts: in their order, those with amounts by these."""
+        before = list(takewhile(lambda cure: not cure.first, cures))
+        graded = [cure for cure in cures if cure.first]
+        for cure in before:
+            if self._does(cure, cure.most, off):
+                yield cure, cure.most
+        size = 1.0
+        while graded:
+            found = []
+            for cure in graded:
+                high = min(size * cure.first, cure.most)
+                if self._does(cure, high, off):
+                    low = 0.5 * size * cure.first if size > 1.0 else 0.0
+                    found.append((self._between(cure, low, high, off), cure))
+            yield from ((cure, least) for least, cure in sorted(found, key=lambda one: one[0]))
+            done = [cure for _, cure in found]
+            graded = [c for c in graded if c not in done and size * c.first < c.most]
+            size *= 2.0
+        for cure in cures[len(before) :]:
+            if not cure.first and self._does(cure, cure.most, off):
+                yield cure, cure.most
 
-def _cures(
-    toolpath: ToolPath, cell: Cell, stands: Good, *, hits: bool, whole: bool
-) -> Iterator[_Cure]:
-    """Yield changes, what is most likely to be wrong first: rules, solids, tool axis, place."""
-    yield from _rules(cell)
-    if hits:
-        yield from _solids(cell, stands)
-    shifts = _shifts(toolpath, cell)
-    yield from _shortest([replace(cure, most=cure.most / 4.0) for cure in shifts], stands)
-    if whole:
-        yield from _tool_axes(cell)
-        yield from _turns(toolpath, cell)
-    yield from _shortest(shifts, stands)
+    def _does(self, cure: Cure, by: float, off: Callable[[Cell], Cell]) -> bool:
+        return cure.can(by) and self.stands(off(cure.at(by)))
 
+    def _between(self, cure: Cure, low: float, high: float, off: Callable[[Cell], Cell]) -> float:
+        while high > _CLOSE * low and high - low > _FINEST * cure.first:
+            middle = 0.5 * (low + high)
+            low, high = (low, middle) if self._does(cure, middle, off) else (middle, high)
+        return high
 
-def _shortest(cures: Sequence[_Cure], stands: Good) -> Iterator[_Cure]:
-    """Yield the moves in the order of how far each has to go."""
-    found = [(least, k) for k, cure in enumerate(cures) if (least := _least(cure, stands))]
-    for least, k in sorted(found):
-        yield replace(cures[k], first=least)
+    @staticmethod
+    def proven(found: tuple[Cure, float], converts: Good) -> float | None:
+        """Return the least amount with which the whole job is good, None without any."""
+        cure, least = found
+        bad = 0.0
+        for factor in _MORE if cure.first else _MORE[:1]:
+            value = cure.rounded(min(least * factor, cure.most))
+            if cure.can(value) and converts(cure.at(value)):
+                while value > _MORE[2] * max(bad, least):
+                    middle = cure.rounded(0.5 * (value + max(bad, least)))
+                    if middle >= value:
+                        break
+                    value, bad = (middle, bad) if converts(cure.at(middle)) else (value, middle)
+                return value
+            bad = value
+            if least * factor >= cure.most:
+                break
+        return None
 
+    # ---- several causes -------------------------------------------------------------------------
 
-def _rules(cell: Cell) -> Iterator[_Cure]:
-    """Yield the rules of the cell that are stricter than usual, each loosened."""
-    limits, wishes = cell.limits, cell.optimize
-
-    def limit(key: str, value: float, usual: float, unit: str, scale: float) -> Iterator[_Cure]:
-        field = key.rsplit("_", 1)[0]
-        if value > usual:
-            yield _Cure(
-                f"[limits] {key} = {value / scale:g} forbids every pose",
-                value - usual,
-                lambda by: replace(cell, limits=replace(limits, **{field: value - by})),
-                lambda by: f"set {key} = {np.floor((value - by) / scale * 10.0) / 10.0:g}",
-                lambda by: float(np.floor((value - by) / scale * 10.0) / 10.0),
-                unit,
-                0.02 * (value - usual),
+    def several(self, converts: Good) -> tuple[Cause, ...]:
+        """Return the causes that only together keep the job from being run."""
+        things = [*self._rules, *self._solids]
+        place, lost = self._placed(things)
+        here = self._cell if place is None else place[0].at(place[1])
+        needed = self._needed(things, here) if place or self.stands(_off(things, here)) else []
+        found: list[tuple[Cure, float]] = [] if place is None else [place]
+        which = [] if place is None else [lost]
+        for k, thing in enumerate(needed):
+            rest = needed[k + 1 :]
+            cure = next(self._least(thing.cures(here), lambda c, r=rest: _off(r, c)), None)  # type: ignore[misc]
+            if cure is None:
+                return (self._unproven(found),)
+            alone = [other for other in needed if other is not thing]
+            which.append(
+                self._lost(_off(alone, self._cell if place is None else place[0].at(place[1])))
             )
-
-    yield from limit("joint_margin_deg", limits.joint_margin, 2.0 * DEG, "deg", DEG)
-    yield from limit("singularity_deg", limits.singularity, 5.0 * DEG, "deg", DEG)
-    yield from limit("clearance_mm", limits.clearance, 0.0, "mm", MM)
-    if wishes.pins:
-        yield _Cure(
-            "the pins hold the spin",
-            1.0,
-            lambda by: replace(cell, optimize=replace(wishes, pins={})),
-            lambda by: "take the pins off",
-            lambda by: None,
-        )
-    low, high = wishes.range
-    if high - low < 2.0 * np.pi - 1e-6:
-        yield _Cure(
-            f"[optimize] range_deg = [{low / DEG:g}, {high / DEG:g}] leaves no spin",
-            np.pi,
-            lambda by: replace(
-                cell, optimize=replace(wishes, range=(max(low - by, -np.pi), min(high + by, np.pi)))
-            ),
-            lambda by: f"widen range_deg by {np.ceil(by / DEG):.0f} deg to both sides",
-            lambda by: float(np.ceil(by / DEG)),
-            "deg",
-            wishes.step,
+            here = cure[0].at(cure[0].rounded(cure[1]))
+            found.append(cure)
+        if not found or not converts(here):
+            return (self._unproven(found),)
+        return tuple(
+            self.told((cure, least), cure.rounded(least), self._tags[tags], here)
+            for (cure, least), tags in zip(found, which, strict=True)
         )
 
+    def _placed(self, things: Sequence[Obstacle]) -> tuple[tuple[Cure, float] | None, BoolArray]:
+        """Return what serves tags that have no pose even with everything else away, and which."""
+        bare = _off(things, self._cell)
+        lost = self._lost(bare)
+        if not lost.any():
+            return None, lost
+        every = shifts(self._reach, self._cell)
+        return next(self._least(every, lambda cell: _off(things, cell)), None), lost
 
-def _solids(cell: Cell, stands: Good) -> Iterator[_Cure]:
-    """Yield for each obstacle without which the tags are free the moves of it that free them."""
-    for k, solid in enumerate(cell.obstacles):
-        rest = replace(cell, obstacles=cell.obstacles[:k] + cell.obstacles[k + 1 :])
-        if not stands(rest):
-            continue
-        blame = f"{solid.name!r} is in the way"
-        ways = [sign * axis for axis in np.eye(3) for sign in (1.0, -1.0)]
-        yield from _shortest([_moved_solid(cell, k, way, blame) for way in ways], stands)
-        yield _once(blame, rest, f"take {solid.name!r} away")
+    def _needed(self, things: Sequence[Obstacle], cell: Cell) -> list[Obstacle]:
+        """Return a smallest set of things without which the tags have a pose, suspects first."""
 
+        def split(away: list[Obstacle], fresh: bool, left: list[Obstacle]) -> list[Obstacle]:
+            if fresh and self.stands(_off(away, cell)):
+                return []
+            if len(left) == 1:
+                return left
+            one, two = left[: len(left) // 2], left[len(left) // 2 :]
+            second = split([*away, *one], True, two)
+            return [*split([*away, *second], bool(second), one), *second]
 
-def _once(
-    blame: str, there: Cell, words: str, amount: float | None = None, unit: str = ""
-) -> _Cure:
-    """Return a change that is made or not."""
-    return _Cure(blame, 1.0, lambda _: there, lambda _: words, lambda _: amount, unit)
+        return split([], True, list(things)) if things else []
 
+    # ---- what is told ---------------------------------------------------------------------------
 
-def _moved_solid(cell: Cell, k: int, way: FloatArray, blame: str) -> _Cure:
-    name = cell.obstacles[k].name
-    return _Cure(
-        blame,
-        _LONGEST / 4.0,
-        lambda by: _with_moved(cell, k, by * way),
-        lambda by: f"move {name!r} {by / MM:.0f} mm along {_way(way)} of the world",
-        lambda by: by / MM,
-        "mm",
-        _SHORTEST,
-    )
+    def told(
+        self,
+        found: tuple[Cure, float],
+        value: float,
+        tags: IndexArray | None = None,
+        there: Cell | None = None,
+    ) -> Cause:
+        """Return a cause with the cure that is proven."""
+        cure, all_of_it = found[0], tags is None
+        tags = self._tags if tags is None or not len(tags) else tags
+        reason, head = self._head(tags)
+        remedy = cure.words(value)
+        end = "and all can be run" if all_of_it else "and they can be run"
+        text = f"{head}: {cure.blame}; {remedy} {end}"
+        changes = cell_changes(self._cell, there or cure.at(value))
+        return Cause(
+            len(tags),
+            reason,
+            cure.blame,
+            remedy,
+            cure.amount(value),
+            cure.unit,
+            text,
+            True,
+            changes,
+        )
 
+    def _head(self, tags: IndexArray) -> tuple[str, str]:
+        reason = Counter(self._codes[int(tag)] for tag in tags).most_common(1)[0][0]
+        count = len(tags)
+        if count == 1:
+            return reason, f"tag {self._path.tag_name(int(tags[0]))} is {WORDS[reason]}"
+        whole = "all " if count == len(self._path) else ""
+        return reason, f"{whole}{count} tags are {WORDS[reason]}"
 
-def _way(way: FloatArray) -> str:
-    axis = int(np.argmax(np.abs(way)))
-    return f"{'+' if way[axis] > 0 else '-'}{'xyz'[axis]}"
-
-
-def _with_moved(cell: Cell, k: int, by: FloatArray) -> Cell:
-    T = np.array(cell.obstacles[k].T_owner_mesh)
-    T[:3, 3] += by
-    moved: MeshPlacement = replace(cell.obstacles[k], T_owner_mesh=T)
-    return replace(cell, obstacles=(*cell.obstacles[:k], moved, *cell.obstacles[k + 1 :]))
-
-
-def _tool_axes(cell: Cell) -> Iterator[_Cure]:
-    tool = cell.tool
-    now = next((name for name in AXES if np.allclose(AXES[name], tool.axis)), "")
-    flipped = now.translate(str.maketrans("+-", "-+"))
-    for name in (flipped, *(other for other in AXES if other not in (now, flipped))):
-        tools = tuple(replace(t, known_axis=AXES[name]) if t is tool else t for t in cell.tools)
-        blame = f'the axis of tool {tool.number} is "{now}"'
-        yield _once(blame, replace(cell, tools=tools), f'set axis = "{name}"')
-
-
-def _turns(toolpath: ToolPath, cell: Cell) -> Iterator[_Cure]:
-    """Yield turns of the part about the vertical through its middle."""
-    centre = _middle(toolpath, cell)
-    for turn in (180.0, 90.0, -90.0):
-        R = rotation_z(turn * DEG)
-        D = transform(R, centre - R @ centre)
-        there = cell.rebased(lambda T, D=D: np.asarray(D @ T))  # type: ignore[misc]
-        words = f"turn the part by {turn:g} deg about the vertical"
-        yield _once("the robot stands on the wrong side of the part", there, words, turn, "deg")
-
-
-def _shifts(toolpath: ToolPath, cell: Cell) -> list[_Cure]:
-    """Return moves of the part: towards A1, away from it, and along the axes of the robot root."""
-    centre = _middle(toolpath, cell)
-    out = np.append(centre[:2], 0.0) / max(float(np.linalg.norm(centre[:2])), 1e-9)
-    ways = [(-out, "towards A1"), (out, "away from A1")]
-    for axis, sign in ((2, -1.0), (2, 1.0), (1, 1.0), (1, -1.0), (0, 1.0), (0, -1.0)):
-        way = sign * np.eye(3)[axis]
-        ways.append((way, f"along {_way(way)} of the robot root"))
-    return [_moved_part(cell, way, words) for way, words in ways]
+    def _unproven(self, found: Sequence[tuple[Cure, float]]) -> Cause:
+        reason, head = self._head(self._tags)
+        blame = ", ".join(cure.blame for cure, _ in found)
+        change = "no change of a rule, a solid, a unit, the tool axis or the place that was tried"
+        text = f"{head}: {blame}{'; ' if blame else ''}{change} makes the job good"
+        return Cause(len(self._tags), reason, blame, "", None, "", text, False)
 
 
-def _moved_part(cell: Cell, way: FloatArray, words: str) -> _Cure:
-    return _Cure(
-        "the part stands where the arm does not get to",
-        _LONGEST,
-        lambda by: cell.rebased(lambda T: np.asarray(transform(np.eye(3), by * way) @ T)),
-        lambda by: f"move the part {by / MM:.0f} mm {words}",
-        lambda by: by / MM,
-        "mm",
-        _SHORTEST,
-    )
-
-
-def _middle(toolpath: ToolPath, cell: Cell) -> FloatArray:
-    points = Reach.of(toolpath, cell).points()
-    return np.asarray(0.5 * (points.min(axis=0) + points.max(axis=0)))
+def _off(things: Sequence[Obstacle], cell: Cell) -> Cell:
+    """Return a cell without some things."""
+    for thing in things:
+        cell = thing.off(cell)
+    return cell

@@ -26,7 +26,15 @@ from postproc.emitters import (
     read_back,
     with_emitter,
 )
-from postproc.errors import CellError, DataError, Finding, Severity, SourceRef, fold
+from postproc.errors import (
+    CellError,
+    DataError,
+    Finding,
+    PostprocError,
+    Severity,
+    SourceRef,
+    fold,
+)
 from postproc.files import remove_files, write_files
 from postproc.jobs.arm_doubts import warned_doubts
 from postproc.jobs.causes import Cause, causes
@@ -230,12 +238,25 @@ def explained(conversion: Conversion, request: ConvertRequest) -> Conversion:
     """
     if conversion.good or request.model:
         return conversion
-    again = replace(request, pins=None, keep=None, trade=False, partial=False)
+    now, units = conversion.cell, request.units or conversion.cell.reading.units
+    now = replace(now, reading=replace(now.reading, units=units))
+    again = replace(request, pins=None, keep=None, trade=False, partial=False, units=None)
+
+    def read_with(cell: Cell) -> ToolPath:
+        axes = [
+            tool.known_axis is old.known_axis
+            for tool, old in zip(cell.tools, now.tools, strict=True)
+        ]
+        same = cell.reading == now.reading and all(axes)
+        return conversion.toolpath if same else read_toolpath(again, cell)
 
     def is_good(cell: Cell) -> bool:
-        return convert(again, None, conversion.toolpath, cell).good
+        try:
+            return convert(again, None, read_with(cell), cell).good
+        except PostprocError:
+            return False
 
-    found = causes(conversion.toolpath, conversion.cell, conversion.plan.errors, is_good)
+    found = causes(conversion.toolpath, now, conversion.plan.errors, is_good, read_with)
     return replace(conversion, causes=found)
 
 

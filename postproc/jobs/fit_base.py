@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.cell import Cell, base_location, edited_cell
+from postproc.cell import XYZ_DIGITS, Cell, base_location, edited_cell, frame_document
 from postproc.errors import CellError, Finding, Severity, SourceRef
 from postproc.geometry import kuka_from_transform
 from postproc.krl import Pose, value_text
@@ -18,10 +18,6 @@ from postproc.model import MotionKind, ToolPath
 from postproc.process import as_served, claimed
 from postproc.records import dataclass
 from postproc.units import DEG, MM
-
-XYZ_DIGITS = 6
-ABC_DIGITS = 8
-"""Decimals [mm, deg] of a frame in a cell: 1e-6 mm at a distance of 6 m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,15 +156,6 @@ def base_index(cell: Cell, number: int | None) -> int:
     known = ", ".join(map(str, numbers))
     hint = f"say one of {known} with --base N"
     raise CellError("CEL041", f"{what}, expected one of {known}", SourceRef(cell.path), hint)
-
-
-def frame_document(T: FloatArray) -> dict[str, list[float]]:
-    """Return a frame (4, 4) in the units of a cell file."""
-    xyz, abc = kuka_from_transform(T)
-    return {
-        "xyz_mm": [round(float(v), XYZ_DIGITS) + 0.0 for v in xyz],
-        "abc_deg": [round(float(v), ABC_DIGITS) + 0.0 for v in abc],
-    }
 
 
 def cell_with_frame(cell: Cell, index: int, T: FloatArray, output: str | Path) -> bytes:

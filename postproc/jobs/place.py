@@ -11,17 +11,15 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.cell import Cell, base_location, edited_cell
+from postproc.cell import Cell, cell_changes, edited_cell, frame_document
 from postproc.errors import CellError, Finding, SourceRef, UsageError
 from postproc.geometry import inverse, kuka_from_transform, rotation_z, transform_from_kuka
 from postproc.jobs.convert import Conversion, ConvertRequest, convert, document, smallest_clearance
-from postproc.jobs.fit_base import frame_document
 from postproc.kinematics import build
 from postproc.model import ToolPath
 from postproc.planning import NEAR, Rank, Reach
 from postproc.progress import Progress
 from postproc.records import dataclass
-from postproc.toml import Location
 from postproc.units import DEG, MM
 
 MOVES = ("part", "rail", "robot")
@@ -108,12 +106,7 @@ class PlaceJob:
 
     def cell_file(self, output: str | Path) -> bytes:
         """Return the cell with the place, as it is to stand at ``output``."""
-        changes: dict[Location, object] = {
-            (*base_location(self.before, k), "frame"): frame_document(base.T_robroot_base)
-            for k, base in enumerate(self.cell.bases)
-        }
-        if self.move != "part":
-            changes["robot", "base"] = frame_document(self.cell.robot.T_world_robroot)
+        changes = cell_changes(self.before, self.cell)
         return edited_cell(self.before, changes, output)
 
 

@@ -19,7 +19,7 @@ from postproc.model import ToolPath
 from postproc.paths import Externals
 from postproc.planning.checks import NEAR, Checker, near_solids
 from postproc.planning.planner import checker_of, problem_of
-from postproc.planning.states import PlanOptions, Problem, postures, sample, settle
+from postproc.planning.states import PlanOptions, Problem, States, postures, sample, settle
 from postproc.process import as_served, claimed, driven, holes_served
 from postproc.records import dataclass
 
@@ -28,6 +28,8 @@ COMPARED = 24
 _SPINS = 12
 _POSITIONS = 5
 """External axes are tried at so many positions each while places are compared."""
+_TOGETHER = 512
+"""So many poses are asked for collision at once where every one may have to be."""
 _TRIES = 12
 """Poses of a tag that are asked for collision, the stiffest of each spin and branch first."""
 
@@ -93,19 +95,34 @@ class Reach:
             ]
         )
 
-    def serves(self, tags: tuple[int, ...]) -> bool:
-        """Return whether some pose serves each of tags and of those that places are compared by.
+    def axes(self) -> FloatArray:
+        """Return the ways (n, 3) from the tips up into the holders, in robroot."""
+        ways = []
+        for problem, _ in self.pieces:
+            place = problem.placement
+            into = place.axis_base(np.arange(len(problem)))
+            ways.append(-into @ place.T_robroot_base[:3, :3].T)
+        return np.concatenate(ways)
 
-        Reach is asked first: it is what fails most often, and costs least.
+    def served(self, tags: IndexArray) -> BoolArray:
+        """Return which of tags (t,), in growing order, some pose serves, solids and all.
+
+        Every pose of the cell's spins is asked where need be, reach first, which costs least.
         """
-        first, pieces = 0, []
-        for problem, spread in self.pieces:
-            own = np.array([t - first for t in tags if first <= t < first + len(problem)], int)
-            some = own[:: max(1, len(own) // COMPARED)]
-            pieces.append((problem, np.unique(np.concatenate([some, spread]))))
+        first, found = 0, []
+        for problem, _ in self.pieces:
+            own = tags[(tags >= first) & (tags < first + len(problem))] - first
             first += len(problem)
-        asked = replace(self, pieces=tuple(pieces))
-        return bool(np.isfinite(asked.margins(self.cell)).all() and asked.rank(self.cell).free == 1)
+            good = np.isfinite(self._margins(problem, own, every=1))
+            for _ in self._stood(self.cell, problem, own, good, most=None):
+                pass
+            found.append(good)
+        return np.concatenate(found)
+
+    def spread(self) -> IndexArray:
+        """Return the tags that places are compared by."""
+        firsts = np.cumsum([0, *(len(problem) for problem, _ in self.pieces)])
+        return np.concatenate([k + tags for k, (_, tags) in zip(firsts, self.pieces, strict=False)])
 
     def margins(self, cell: Cell) -> FloatArray:
         """Return the largest margin (t,) [rad] of tags over spins and branches, -inf out of reach.
@@ -113,11 +130,15 @@ class Reach:
         Args:
             cell: the one that ``of`` got, with its setups or its robot elsewhere.
         """
-        return np.concatenate([self._margins(_in(cell, p), tags) for p, tags in self.pieces])
+        return np.concatenate(
+            [
+                self._margins(_in(cell, p), tags, max(1, len(p.settings.spins) // _SPINS))
+                for p, tags in self.pieces
+            ]
+        )
 
-    def _margins(self, problem: Problem, tags: IndexArray) -> FloatArray:
-        spins = problem.settings.spins
-        spins = spins[:: max(1, len(spins) // _SPINS)]
+    def _margins(self, problem: Problem, tags: IndexArray, every: int) -> FloatArray:
+        spins = problem.settings.spins[::every]
         pins = problem.pins[tags]
         spin = np.where(np.isnan(pins)[:, None], spins, pins[:, None]).ravel()
         which = np.repeat(tags, len(spins))
@@ -132,7 +153,7 @@ class Reach:
                 T = here.placement.tcp(which, spin, height)
                 least = np.minimum(least, _spare(here, which, T))
             best = np.maximum(best, least.max(axis=1))
-        return np.asarray(best.reshape(len(tags), -1).max(axis=1))
+        return np.asarray(best.reshape(len(tags), len(spins)).max(axis=1))
 
     def _positions(self) -> Iterator[FloatArray]:
         """Yield where the external axes stand (k,): every combination of a few."""
@@ -145,27 +166,11 @@ class Reach:
         free: list[BoolArray] = []
         margins, stiff, clear = [np.inf], np.zeros(0).tolist(), [near_solids(cell)]
         for problem, tags in self.pieces:
-            checker = checker_of(
-                problem.toolpath,
-                cell.with_tool(problem.cell.tool_index, problem.cell.base_index),
-                problem.settings,
-                problem.placement.external if cell.external_axes else None,
-            )
-            good = np.zeros(len(tags), dtype=np.bool_)
-            for position in self._positions():
-                left = np.flatnonzero(~good)
-                if not len(left):
-                    break
-                here = checker
-                if cell.external_axes:
-                    here = replace(checker, problem=checker.problem.standing(position))
-                q, index, own = _standing(here, tags[left])
-                served = left[own]
-                good[served] = True
-                if len(q):
-                    margins.append(float(_margin(here.problem, q).min()))
-                    stiff += index[np.isfinite(index)].tolist()
-                    clear.append(_clear(here, tags[served], q))
+            good = np.ones(len(tags), dtype=np.bool_)
+            for here, served, q, index in self._stood(cell, problem, tags, good, _TRIES):
+                margins.append(float(_margin(here.problem, q).min()))
+                stiff += index[np.isfinite(index)].tolist()
+                clear.append(_clear(here, tags[served], q))
             free.append(good)
         done = np.concatenate(free)
         return Rank(
@@ -174,6 +179,35 @@ class Reach:
             float(np.mean(stiff)) if stiff else 0.0,
             min(clear),
         )
+
+    def _stood(
+        self, cell: Cell, problem: Problem, tags: IndexArray, good: BoolArray, most: int | None
+    ) -> Iterator[tuple[Checker, IndexArray, FloatArray, FloatArray]]:
+        """Yield checker, rows of ``tags`` (k,), joints (k, 6) and stiffness (k,) of free poses.
+
+        Asked are the tags that are ``good``; in place, those are left so that some pose serves.
+        """
+        left = np.flatnonzero(good)
+        good[:] = False
+        if not len(left):
+            return
+        checker = checker_of(
+            problem.toolpath,
+            cell.with_tool(problem.cell.tool_index, problem.cell.base_index),
+            problem.settings,
+            problem.placement.external if cell.external_axes else None,
+        )
+        for position in self._positions():
+            here = checker
+            if cell.external_axes:
+                here = replace(checker, problem=checker.problem.standing(position))
+            q, index, own = _standing(here, tags[left], most)
+            good[left[own]] = True
+            if len(q):
+                yield here, left[own], q, index
+            left = np.flatnonzero(~good)
+            if not len(left):
+                return
 
 
 def _in(cell: Cell, problem: Problem) -> Problem:
@@ -202,10 +236,13 @@ def _margin(problem: Problem, q: FloatArray) -> FloatArray:
     return np.asarray(np.minimum(joint - limits.joint_margin, wrist))
 
 
-def _standing(checker: Checker, tags: IndexArray) -> tuple[FloatArray, FloatArray, IndexArray]:
+def _standing(
+    checker: Checker, tags: IndexArray, most: int | None
+) -> tuple[FloatArray, FloatArray, IndexArray]:
     """Return for tags with a free pose the joints (k, 6), stiffness (k,) and their rows (k,).
 
-    The stiffest poses with the full margin are asked first; a stroke has to be free, too.
+    The stiffest poses with the full margin are asked first; a stroke has to be free, too. ``most``:
+    so many poses of a tag are asked, spread over all of them; None: those first, then all.
     """
     problem = checker.problem
     states = sample(problem, tags, problem.settings.spins)
@@ -216,20 +253,37 @@ def _standing(checker: Checker, tags: IndexArray) -> tuple[FloatArray, FloatArra
     order = np.lexsort((states.cost, -np.round(wide, 2), owner))
     turn = np.arange(len(order)) - states.offsets[owner[order]]
     picked = np.full(len(tags), -1)
-    for number in range(_TRIES):
+    asked = np.zeros(len(order), dtype=np.bool_)
+    for number in range(_TRIES if most is None else most):
         # spread over all poses of a tag, the best first
         share = count[owner[order]] * number // _TRIES
-        rows = order[(turn == share) & (picked[owner[order]] < 0)]
-        if not len(rows):
-            continue
-        at = owner[rows]
-        good = checker.states(
-            tags[at], q[rows], states.attitude_of(rows), states.branch[rows].astype(np.int64)
-        ).good
-        picked[at[good]] = rows[good]
+        _pick(checker, tags, states, order[(turn == share) & ~asked], picked)
+        asked |= turn == share
+    if most is None:
+        for low in range(0, len(order), _TOGETHER):
+            rows = order[low : low + _TOGETHER]
+            _pick(checker, tags, states, rows[~asked[low : low + _TOGETHER]], picked)
     own = np.flatnonzero(picked >= 0)
     rows = picked[own]
     return q[rows], states.index[rows].astype(np.float64), own
+
+
+def _pick(
+    checker: Checker, tags: IndexArray, states: States, rows: IndexArray, picked: IndexArray
+) -> None:
+    """Note in ``picked`` (t,), in place, the first free of rows of states for tags without one."""
+    owner = states.tag_of(rows)
+    rows, at = rows[picked[owner] < 0], owner[picked[owner] < 0]
+    if not len(rows):
+        return
+    good = checker.states(
+        tags[at],
+        states.q[rows].astype(np.float64),
+        states.attitude_of(rows),
+        states.branch[rows].astype(np.int64),
+    ).good
+    first, place = np.unique(at[good], return_index=True)
+    picked[first] = rows[good][place]
 
 
 def _clear(checker: Checker, tags: IndexArray, q: FloatArray) -> float:
