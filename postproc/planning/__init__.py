@@ -20,6 +20,7 @@ from postproc.planning.maps import (
     TagPoses,
     colliding_pose,
     plan_maps,
+    replanned,
     spin_curves,
     spin_degrees,
     spin_map,

@@ -9,18 +9,31 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from postproc.cell import Cell
 from postproc.errors import DataError, PostprocError, SourceRef
 from postproc.files import write_files
-from postproc.geometry import kuka_from_transform, transform_from_kuka
+from postproc.geometry import transform_from_kuka
 from postproc.jobs.convert import Conversion
-from postproc.planning import SpinMap, TagPoses
+from postproc.planning import SpinMap, TagPoses, replanned
 from postproc.records import dataclass
-from postproc.report.pages.workbench import map_data, page_json, pose_answer, reach_data
+from postproc.report.pages.workbench import (
+    around_data,
+    map_data,
+    page_json,
+    pose_answer,
+    reach_data,
+)
 from postproc.units import DEG
-from postproc.workbench.edits import Edits, moved_file, pins_file
+from postproc.workbench.edits import (
+    Edits,
+    Thing,
+    carrier_of,
+    frame_of,
+    moved_file,
+    pins_file,
+    placed,
+    things,
+)
 from postproc.workbench.planner import Order, Planner
 
 _MOST_STEPS = 500
@@ -145,15 +158,33 @@ class Bench:
                 raise self._wrong(f"a spin of {spin_deg:g} deg, expected -360 to 360")
             self._edit(self.edits.pinned(name, spin_deg))
 
-    def move(self, base: int, xyz_mm: Sequence[float], abc_deg: Sequence[float]) -> None:
-        """Put a base elsewhere.
+    def around(self, tag: int) -> dict[str, Any]:
+        """Return what the edits make of the tags around one at once, all others as they are.
 
         Raises:
-            DataError: UI010 for numbers that no frame has, or a base that there is not.
+            DataError: UI010 if there is no such tag.
         """
         with self._lock:
-            self._require_place(base, xyz_mm, abc_deg)
-            self._edit(self.edits.moved(base, xyz_mm, abc_deg))
+            self._tag_name(tag)
+            conversion, edits = self._require_shown().conversion, self.edits
+            known = {name for step in self._steps for name in step.pins}
+        cell, plan = conversion.cell, conversion.plan
+        pins = {name: spin for name, spin in cell.optimize.pins.items() if name not in known}
+        pins |= {name: spin * DEG for name, spin in edits.pins.items()}
+        cell = replace(cell, optimize=replace(cell.optimize, pins=pins))
+        with self._asking:
+            made, tags = replanned(plan, cell, tag)
+        return around_data(made, tags)
+
+    def move(self, thing: Thing, xyz_mm: Sequence[float], abc_deg: Sequence[float]) -> None:
+        """Put a part, a tool or a fixture elsewhere.
+
+        Raises:
+            DataError: UI010 for numbers that no frame has, or a thing that there is not.
+        """
+        with self._lock:
+            self._require_place(thing, xyz_mm, abc_deg)
+            self._edit(self.edits.moved(thing, xyz_mm, abc_deg))
 
     def step(self, by: int) -> None:
         """Undo (-1) or do again (+1) an edit; nothing where there is none."""
@@ -204,7 +235,7 @@ class Bench:
                 "pins": dict(self.edits.pins),
                 "undo": self._at,
                 "redo": len(self._steps) - 1 - self._at,
-                "bases": _bases(shown.conversion.cell) if shown else [],
+                "things": _things(shown.conversion.cell) if shown else [],
                 "good": bool(shown and shown.conversion.good),
             }
 
@@ -238,29 +269,28 @@ class Bench:
             raise self._wrong("no tool or base of the cell serves this tag")
         return {"tag": tag, "spin_deg": spin_deg, **pose_answer(found)}
 
-    def reach(self, base: int, xyz_mm: Sequence[float], abc_deg: Sequence[float]) -> dict[str, Any]:
-        """Return how all tags would stand with a base elsewhere, without planning.
+    def reach(
+        self, thing: Thing, xyz_mm: Sequence[float], abc_deg: Sequence[float]
+    ) -> dict[str, Any]:
+        """Return how all tags would stand with a thing elsewhere, without planning.
 
         Raises:
-            DataError: UI010 for numbers that no frame has, or a base that there is not.
+            DataError: UI010 for numbers that no frame has, or a thing that there is not.
         """
         with self._lock:
-            conversion = self._require_place(base, xyz_mm, abc_deg)
-        bases = list(conversion.cell.bases)
-        T = transform_from_kuka(xyz_mm, abc_deg)
-        bases[base] = replace(bases[base], T_robroot_base=T)
-        cell = replace(conversion.cell, bases=tuple(bases))
+            conversion = self._require_place(thing, xyz_mm, abc_deg)
+        cell = placed(conversion.cell, thing, transform_from_kuka(xyz_mm, abc_deg))
         with self._asking:
             kind, stiffness = TagPoses(conversion.plan, cell).reach()
-        return reach_data(cell, kind, stiffness)
+        return reach_data(kind, stiffness)
 
     def _require_place(
-        self, base: int, xyz_mm: Sequence[float], abc_deg: Sequence[float]
+        self, thing: Thing, xyz_mm: Sequence[float], abc_deg: Sequence[float]
     ) -> Conversion:
-        """Return what is shown, if one of its bases can stand there."""
+        """Return what is shown, if one of its things can stand there."""
         conversion = self._require_shown().conversion
-        if not 0 <= base < len(conversion.cell.bases):
-            raise self._wrong(f"no base {base} in the cell")
+        if thing not in things(conversion.cell):
+            raise self._wrong(f"no {thing[0]} {thing[1]} in the cell")
         if max(map(abs, xyz_mm)) > _FARTHEST or max(map(abs, abc_deg)) > _FULL_TURN:
             raise self._wrong("a frame beyond 100 m or 360 deg")
         return conversion
@@ -280,11 +310,15 @@ class Bench:
         return DataError("UI010", text, SourceRef(str(self.source)))
 
 
-def _bases(cell: Cell) -> list[dict[str, Any]]:
-    """Return the bases with their frames as the cell file has them."""
-    found = []
-    for base in cell.bases:
-        frame = [np.round(part, 6).tolist() for part in kuka_from_transform(base.T_robroot_base)]
-        entry = {"number": base.number, "name": base.name}
-        found.append({**entry, "xyz_mm": frame[0], "abc_deg": frame[1]})
-    return found
+def _things(cell: Cell) -> list[dict[str, Any]]:
+    """Return what can be moved, with its frame as the cell file has it."""
+    return [
+        {
+            "kind": thing[0],
+            "index": thing[1],
+            "name": name,
+            "carrier": carrier_of(cell, thing).ravel().tolist(),
+            **frame_of(cell, thing),
+        }
+        for thing, name in things(cell).items()
+    ]

@@ -28,10 +28,12 @@ from starlette.routing import Route
 from postproc.cell import load_cell
 from postproc.errors import DataError, PostprocError, SourceRef, UsageError
 from postproc.jobs.check_cell import check_cell
+from postproc.jobs.convert import ConvertRequest, read_toolpath
 from postproc.jobs.pages import page_of_cell
 from postproc.report.pages.workbench import workbench_page
 from postproc.report.parts import Page
 from postproc.workbench.bench import Bench
+from postproc.workbench.edits import KINDS, Thing
 
 _HOST = "127.0.0.1"
 _MOST_BYTES = 1 << 16
@@ -92,8 +94,9 @@ class Workbench:
             "pose": lambda asked: bench.pose(_whole(asked, "tag"), _number(asked, "spin_deg")),
             "pin": lambda asked: bench.pin(_whole(asked, "tag"), _number(asked, "spin_deg")),
             "unpin": lambda asked: bench.pin(_whole(asked, "tag"), None),
-            "reach": lambda asked: bench.reach(_whole(asked, "base"), *_frame(asked)),
-            "move": lambda asked: bench.move(_whole(asked, "base"), *_frame(asked)),
+            "around": lambda asked: bench.around(_whole(asked, "tag")),
+            "reach": lambda asked: bench.reach(_thing(asked), *_frame(asked)),
+            "move": lambda asked: bench.move(_thing(asked), *_frame(asked)),
             "undo": lambda asked: bench.step(-1),
             "redo": lambda asked: bench.step(1),
             "reload": lambda asked: bench.reload(),
@@ -135,13 +138,18 @@ def open_workbench(cell: Path, source: Path | None, port: int, tell: Callable[[s
 
     Args:
         cell: the cell file.
-        source: the CAM file; None shows the cell alone. Neither has to be good.
+        source: the CAM file; None shows the cell alone.
         port: 0 takes a free one.
         tell: called with the address when it can be opened.
 
     Raises:
         UsageError: UI002 if the port is taken.
+        PostprocError: as ``load_cell`` and the reader of the input. What goes wrong later, when
+            they are read again, is said in the page.
     """
+    loaded = load_cell(cell)
+    if source:
+        read_toolpath(ConvertRequest(str(source), str(cell)), loaded)
     listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
@@ -229,6 +237,13 @@ def _whole(asked: dict[str, Any], key: str) -> int:
     if value != int(value):
         raise _wrong(f"{key}: expected a whole number")
     return int(value)
+
+
+def _thing(asked: dict[str, Any]) -> Thing:
+    kind = asked.get("kind")
+    if kind not in KINDS:
+        raise _wrong(f"kind: expected one of {', '.join(KINDS)}")
+    return kind, _whole(asked, "index")
 
 
 def _frame(asked: dict[str, Any]) -> tuple[list[float], list[float]]:

@@ -5,9 +5,12 @@ import shutil
 import numpy as np
 import pytest
 
+from postproc.cell import load_cell
 from postproc.cli import app
+from postproc.geometry import transform_from_kuka
 from postproc.jobs.convert import ConvertRequest, convert
 from postproc.workbench import Bench
+from postproc.workbench.edits import Edits, frame_of, moved_file, placed, things
 from tests.workbench.conftest import job, settled
 
 
@@ -34,7 +37,10 @@ def test_pins_and_places_are_what_convert_makes(bench, tmp_path):
     start = dict(bench.program())
     for edit, answer in (
         (lambda: bench.pin(5, 60.0), "holes.pins.csv"),
-        (lambda: bench.move(0, [2046.0, 4.0, 1000.0], [-90.0, 0.0, 90.0]), "cell.moved.toml"),
+        (
+            lambda: bench.move(("part", 0), [2046.0, 4.0, 1000.0], [-90.0, 0.0, 90.0]),
+            "cell.moved.toml",
+        ),
     ):
         edit()
         assert "error" not in settled(bench.state)
@@ -83,7 +89,7 @@ def test_a_pose_that_cannot_be_says_why(bench):
 
 
 def test_reach_of_a_moved_part_is_that_of_convert(bench, tmp_path):
-    there = {"base": 0, "abc_deg": [-90.0, 0.0, 90.0]}
+    there = {"thing": ("part", 0), "abc_deg": [-90.0, 0.0, 90.0]}
     assert bench.reach(xyz_mm=[2050.0, 0.0, 1000.0], **there)["words"] == "12 free"
     far = bench.reach(xyz_mm=[5050.0, 0.0, 1000.0], **there)
     assert far["words"] == "12 out of reach"
@@ -93,3 +99,41 @@ def test_reach_of_a_moved_part_is_that_of_convert(bench, tmp_path):
     assert bench.program() == {}
     code, _ = converted(bench.save()["call"], tmp_path)
     assert code == 1
+
+
+def test_the_neighbourhood_is_planned_at_once_and_all_else_stays(bench):
+    """Tags far from the pin keep their spin; what fails there is told in words."""
+    spins = {}
+    for tag, spin in ((5, 60.0), (5, 0.0)):
+        bench.pin(tag, spin)
+        found = bench.around(tag)
+        spins[spin] = dict(zip(found["tags"], found["spin_deg"], strict=True))
+        assert found["good"] == (spin == 60.0), found
+    assert spins[60.0][5] == pytest.approx(60.0)
+    bench.step(-1)
+    bench.step(-1)
+    settled(bench.state)
+    plan = bench._shown.conversion.plan
+    before = dict(zip(plan.tag.tolist(), np.degrees(plan.spin).tolist(), strict=True))
+    kept = [tag for tag in spins[60.0] if abs(tag - 5) > 6]
+    for tag in kept:
+        assert spins[60.0][tag] == pytest.approx(before[tag], abs=0.01)
+
+
+def test_tools_and_fixtures_move_as_the_file_has_them(tmp_path):
+    cell, _ = job(tmp_path, holes=1)
+    before = load_cell(cell)
+    for thing in things(before):
+        frame = frame_of(before, thing)
+        moved = [frame["xyz_mm"][0] + 12.5, *frame["xyz_mm"][1:]]
+        abc = [round(v + 3.0, 6) for v in frame["abc_deg"]]
+        edits = Edits().moved(thing, moved, abc)
+        file = moved_file(cell, edits)
+        file.write_bytes(edits.cell_toml(cell))
+        after = load_cell(file)
+        assert frame_of(after, thing)["xyz_mm"] == pytest.approx(moved, abs=1e-6)
+        wanted = placed(before, thing, transform_from_kuka(moved, abc))
+        for one, other in zip(after.solids, wanted.solids, strict=True):
+            assert np.allclose(one.T_owner_mesh, other.T_owner_mesh, atol=1e-8), thing
+        others = [other for other in things(before) if other != thing]
+        assert all(frame_of(after, other) == frame_of(before, other) for other in others)

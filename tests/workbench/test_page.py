@@ -73,9 +73,39 @@ def test_the_part_moves_by_numbers_and_all_tags_recolour(page, running):
     page.click("#move")
     after = replanned(page, before["plan"])
     assert after["good"]
-    assert after["bases"][0]["xyz_mm"][0] == 2046
+    assert after["things"][0]["xyz_mm"][0] == 2046
     page.click("#undo")
     replanned(page, after["plan"])
+
+
+def test_the_handle_in_the_view_moves_the_part(page):
+    """A drag of its arrow moves the frame along it; undo and back put all where it was."""
+    start = state(page)["things"][0]["xyz_mm"]
+    (_, (x, y)) = page.run("(document.querySelector('#scene').scrollIntoView(), ppBench.grip())")
+    page.mouse(("mouseMoved", x - 1, y), ("mouseMoved", x, y))
+    page.wait("ppBench.held() === 'X'")
+    (ox, oy), (x, y) = page.run("ppBench.grip()")
+    steps = [(x + k * (x - ox) / 10, y + k * (y - oy) / 10) for k in range(9)]
+    page.mouse(("mousePressed", x, y), *(("mouseMoved", *at) for at in steps))
+    page.mouse(("mouseReleased", *steps[-1]))
+    page.wait("ppBench.state().preview")
+    moved = page.run("[...document.querySelectorAll('input.place')].map((e) => +e.value)")
+    off = [a - b for a, b in zip(moved[:3], start, strict=True)]
+    assert max(map(abs, off)) > 10.0
+    assert state(page)["undo"] == 0
+    page.click("#back")
+    assert not state(page)["preview"]
+
+
+def test_keys_turn_the_view(page):
+    before = page.run("ppBench.program().scene.eye")
+    page.run("(document.querySelector('#scene canvas').focus(), 1)")
+    for key in ("ArrowLeft", "ArrowUp", "+"):
+        for kind in ("keyDown", "keyUp"):
+            page.call("Input.dispatchKeyEvent", type=kind, key=key)
+    after = page.run("ppBench.program().scene.eye")
+    assert before != after
+    page.call("Input.dispatchKeyEvent", type="keyDown", key="0")
 
 
 def test_keys_turn_and_pin(page):

@@ -6,7 +6,10 @@ import time
 
 import pytest
 
+from postproc.cli import app
 from tests.workbench.conftest import Running, job
+
+PART = {"kind": "part", "index": 0}
 
 
 @pytest.mark.parametrize(
@@ -53,10 +56,12 @@ def test_changes_come_from_the_page_alone(running):
         ("pin", {"tag": 0, "spin_deg": "../../x"}),
         ("unpin", {"tag": 0}),
         ("pose", {"tag": -1, "spin_deg": 0}),
-        ("move", {"base": 0, "xyz_mm": [0, 0], "abc_deg": [0, 0, 0]}),
-        ("move", {"base": 7, "xyz_mm": [0, 0, 0], "abc_deg": [0, 0, 0]}),
-        ("reach", {"base": 0, "xyz_mm": [0, 0, 1e7], "abc_deg": [0, 0, 0]}),
-        ("reach", {"base": -1, "xyz_mm": [0, 0, 0], "abc_deg": [0, 0, 0]}),
+        ("around", {"tag": 99}),
+        ("move", {**PART, "xyz_mm": [0, 0], "abc_deg": [0, 0, 0]}),
+        ("move", {**PART, "index": 7, "xyz_mm": [0, 0, 0], "abc_deg": [0, 0, 0]}),
+        ("move", {**PART, "kind": "robot", "xyz_mm": [0, 0, 0], "abc_deg": [0, 0, 0]}),
+        ("reach", {**PART, "xyz_mm": [0, 0, 1e7], "abc_deg": [0, 0, 0]}),
+        ("reach", {**PART, "index": -1, "xyz_mm": [0, 0, 0], "abc_deg": [0, 0, 0]}),
         ("save", {}),
     ],
 )
@@ -93,29 +98,52 @@ def test_tabs_that_die_in_the_middle_harm_nobody(running):
     assert first["plan"]
 
 
-def test_bad_files_are_said_in_the_page_and_mended_by_a_reload(tmp_path):
+def test_files_that_turn_bad_are_said_in_the_page_and_mended_by_a_reload(tmp_path):
     cell, holes = job(tmp_path, holes=2)
     good = cell.read_text()
-    cell.write_text(good.replace("[robot]", "[robbot]"))
     bench = Running(cell, holes)
     try:
-        state = bench.settled()
-        assert "error CEL002" in state["error"]
-        assert state["plan"] == 0
-        assert bench.call("plan")[0] == 200
-        cell.write_text(good)
-        assert bench.call("reload", {})[0] == 200
+        assert bench.settled()["good"]
+        for file, content, code in (
+            (cell, good.replace("[robot]", "[robbot]"), "CEL002"),
+            (holes, "nonsense", ""),
+        ):
+            kept = file.read_text()
+            file.write_text(content)
+            assert bench.call("reload", {})[0] == 200
+            error = bench.settled()["error"]
+            assert f"error {code}" in error
+            assert error.count("\n") == 0
+            assert bench.call("plan")[0] == 200
+            file.write_text(kept)
+        bench.call("reload", {})
         state = bench.settled()
         assert "error" not in state
         assert state["good"]
-        holes.write_text("nonsense")
-        bench.call("reload", {})
-        assert bench.settled()["error"].count("\n") == 0
         code, said = bench.stop()
         assert code in (0, 130)
         assert "Traceback" not in said
     finally:
         bench.process.kill()
+
+
+def test_bad_files_at_the_start_are_one_line_and_no_server(tmp_path, capfd):
+    cell, holes = job(tmp_path, holes=2)
+    (tmp_path / "bad.csv").write_bytes(b"\x00\xff nonsense")
+    (tmp_path / "bad.toml").write_text("[robbot]\n")
+    for files in (
+        ("none.toml", holes),
+        ("bad.toml", holes),
+        (cell, "none.csv"),
+        (cell, "bad.csv"),
+        (cell, tmp_path),
+    ):
+        call = ["ui", *(str(tmp_path / file) for file in files), "--no-browser"]
+        assert app.run(call) == 2, files
+        out, err = capfd.readouterr()
+        assert out == ""
+        assert ": error " in err.splitlines()[0]
+        assert len(err.splitlines()) <= 2, err
 
 
 def test_it_ends_at_once_while_it_plans(tmp_path):

@@ -26,3 +26,4 @@ export {
   WebGLRenderer,
 } from "three";
 export { OrbitControls } from "three/addons/controls/OrbitControls.js";
+export { TransformControls } from "three/addons/controls/TransformControls.js";

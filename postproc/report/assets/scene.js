@@ -24,6 +24,9 @@ import { viewOf } from "./views.js";
 
 const CLICK = 4; // px that the mouse may move between press and release
 const FLOOR = 8; // m
+const STEP = Math.PI / 24; // that an arrow turns
+const HIGHEST = 1.5; // above or below the level
+const NEARER = 1.15;
 const MEETING = 0.025; // m
 const PINK = 0xe91e63;
 const YELLOW = 0xffd600;
@@ -43,6 +46,7 @@ class SceneView {
   #ball;
   #meeting;
   #asked = false;
+  #fitted = null;
   #tips = [];
   #removals = [];
 
@@ -55,6 +59,12 @@ class SceneView {
     this.#camera.up.set(0, 0, 1);
     this.#controls = new OrbitControls(this.#camera, renderer.domElement);
     this.#controls.addEventListener("change", () => this.#draw());
+    renderer.domElement.tabIndex = 0;
+    renderer.domElement.setAttribute(
+      "aria-label",
+      "3D view: arrows turn, + and - zoom, 0 shows all",
+    );
+    renderer.domElement.addEventListener("keydown", (event) => this.#key(event));
     this.#part.matrixAutoUpdate = false;
     this.#scene.add(this.#part);
     this.#addLights();
@@ -116,6 +126,32 @@ class SceneView {
       this.#scene.add(group);
       return group;
     });
+  }
+
+  // the frame of a link in the world
+  linkFrame(link) {
+    return this.#arm.frames.at(link).clone();
+  }
+
+  // shows a tool or a fixture off its place, as Solids.shift
+  shift(kind, index, off) {
+    this.#solids.shift(kind, index, off);
+    if (this.#arm) this.#solids.carry(this.#arm.frames);
+    this.#draw();
+  }
+
+  // a handle in this view: a class as Handle, and whom it tells
+  handle(Handle, on) {
+    const [scene, camera, controls] = [this.#scene, this.#camera, this.#controls];
+    const canvas = this.#renderer.domElement;
+    return new Handle({ scene, camera, canvas, controls, draw: () => this.#draw() }, on);
+  }
+
+  // a point of the world in the window [px]
+  pixel(point) {
+    const { x, y } = new Vector3(...point).project(this.#camera);
+    const box = this.#renderer.domElement.getBoundingClientRect();
+    return [box.left + ((x + 1) / 2) * box.width, box.top + ((1 - y) / 2) * box.height];
   }
 
   // names of the solids that are shown
@@ -245,6 +281,7 @@ class SceneView {
 
   // looks so that the whole robot, its tool, the solids shown and points of the workpiece are in view
   fit(points, from) {
+    this.#fitted = [points, from];
     const seen = points.map((point) => this.inWorld(point));
     for (const frame of this.#arm?.frames ?? []) seen.push(frame.elements.slice(12, 15));
     seen.push(...this.#solids.corners());
@@ -268,6 +305,36 @@ class SceneView {
     this.#camera.position.copy(target).addScaledVector(way.normalize(), distance);
     this.#controls.update();
     this.#draw();
+  }
+
+  // arrows turn about what is looked at, + and - go nearer and away, 0 shows all again
+  #key(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const turn = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+    const near = { "+": 1 / NEARER, "=": 1 / NEARER, "-": NEARER }[event.key];
+    const target = this.#controls.target;
+    const way = this.#camera.position.clone().sub(target);
+    if (turn[event.key]) {
+      const [around, down] = turn[event.key];
+      const flat = Math.hypot(way.x, way.y);
+      const high = Math.atan2(way.z, flat) - down * STEP;
+      const angle = Math.atan2(way.y, way.x) + around * STEP;
+      const up = Math.max(-HIGHEST, Math.min(HIGHEST, high));
+      const length = way.length();
+      way.set(Math.cos(up) * Math.cos(angle), Math.cos(up) * Math.sin(angle), Math.sin(up));
+      way.multiplyScalar(length);
+    } else if (near) way.multiplyScalar(near);
+    else if (event.key !== "0") return;
+    event.preventDefault();
+    if (event.key === "0" && this.#fitted) this.fit(...this.#fitted);
+    else this.#camera.position.copy(target).add(way);
+    this.#controls.update();
+    this.#draw();
+  }
+
+  // where the camera stands [m]
+  get eye() {
+    return this.#camera.position.toArray();
   }
 
   #addLights() {
@@ -309,6 +376,11 @@ export const NO_SCENE = {
   addSegments: () => ({ paint() {}, remove() {} }),
   addMarks: () => ({ paint() {} }),
   clear() {},
+  shift() {},
+  handle: () => ({ at() {}, turns: false, axis: null }),
+  linkFrame: () => null,
+  pixel: () => [0, 0],
+  eye: null,
   point() {},
   addFloor() {},
   addFrame() {},

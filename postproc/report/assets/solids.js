@@ -74,7 +74,23 @@ export class Solids {
 
   // moves what the links carry to the frames of the links
   carry(frames) {
-    for (const { mesh, link } of this.#parts) if (link >= 0) mesh.matrix.copy(frames[link]);
+    for (const { mesh, link, off } of this.#parts) {
+      if (link < 0) continue;
+      mesh.matrix.copy(frames[link]);
+      if (off) mesh.matrix.multiply(off);
+    }
+  }
+
+  // takes a tool (in the frame of its link) or a fixture (in the world) off its place; null: back
+  shift(kind, index, off) {
+    const fixtures = this.#parts.filter((part) => part.kind === "obstacle");
+    const tools = this.#parts.filter((part) => part.tool === index);
+    for (const part of kind === "tool" ? tools : fixtures.slice(index, index + 1)) {
+      part.off = off;
+      if (part.link >= 0) continue;
+      if (off) part.mesh.matrix.copy(off);
+      else part.mesh.matrix.identity();
+    }
   }
 
   // shows solids of some names in red, the others in the colour of their kind

@@ -2,6 +2,7 @@
 import { ask, fetched, latest } from "./bench_calls.js";
 import { pageData, unpack } from "./data.js";
 import { byId, element } from "./dom.js";
+import { Places } from "./bench_places.js";
 import { MapView } from "./map_view.js";
 import { spell } from "./numbers.js";
 import { ProgramView } from "./program_view.js";
@@ -15,10 +16,10 @@ const main = document.querySelector("main");
 const RELOADED = ["scene", "list", "cam", "spin", "angles", "speeds", "findings"];
 const template = Array.from(main.children, (section) => section.cloneNode(true));
 
-let state = { plan: 0, map: 0, pins: {}, bases: [] };
+let state = { plan: 0, map: 0, pins: {}, things: [] };
 let program = null;
 let map = null; // {spins, classes, stiffness}
-let preview = false;
+let near = new Map(); // spin of the tags around the last edit, while the whole plan is made
 let gone = false;
 let loaded = 0; // number of the plan that is shown
 
@@ -58,7 +59,10 @@ async function lookOnce() {
   }
   gone = false;
   showState();
-  if (state.plan && state.plan !== before.plan) await loadPlan();
+  if (state.plan && state.plan !== before.plan) {
+    near = new Map();
+    await loadPlan();
+  }
   if (state.map && state.map !== before.map) {
     const found = await fetched("map");
     map = {
@@ -97,7 +101,6 @@ async function loadPlan() {
   fillColours(data.columns, choice);
   scene?.clear();
   scene?.stand(data.robot.T_world_robroot, data.robot.T_world_base);
-  preview = false;
   showLead(data);
   map = map && map.classes.length === data.names.length * map.spins.length ? map : null;
   program = new ProgramView(data, { scene, first, onShow: shown });
@@ -105,7 +108,7 @@ async function loadPlan() {
     ...data.names.slice(0, 2000).map((value) => element("option", { value })),
   );
   showTree();
-  showPlace();
+  places.load();
   shown(program.shown);
 }
 
@@ -165,7 +168,8 @@ function showMap() {
   const middle = (spins[0] + spins.at(-1)) / 2;
   const within = (v) => v - 360 * Math.round((v - middle) / 360);
   const column = program.data.columns.find(({ key }) => key === "spin");
-  const chosen = Array.from(names, (_, tag) => within(column?.values[tag] ?? NaN));
+  const spinOf = (tag) => (near.has(tag) ? near.get(tag) : (column?.values[tag] ?? NaN));
+  const chosen = Array.from(names, (_, tag) => within(spinOf(tag)));
   const pins = new Map();
   names.forEach((name, tag) => {
     if (name in state.pins) pins.set(tag, within(state.pins[name]));
@@ -231,10 +235,29 @@ const askPose = latest(
 async function drop(tag, spin) {
   await edit("pin", { tag, spin_deg: spin });
   view.try(null);
+  around(tag);
 }
 
-function unpin(tag) {
-  if (pinOf(tag) !== undefined) edit("unpin", { tag });
+async function unpin(tag) {
+  if (pinOf(tag) === undefined) return;
+  await edit("unpin", { tag });
+  around(tag);
+}
+
+// what an edit makes of the tags beside it, before the whole plan is there
+async function around(tag) {
+  const asked = state.number;
+  try {
+    const found = await ask("around", { tag });
+    if (asked !== state.number || state.plan === state.number) return;
+    near = new Map(found.tags.map((t, k) => [t, found.spin_deg[k] ?? NaN]));
+    byId("doing").textContent = found.words;
+    byId("pose").textContent = found.words;
+    byId("pose").className = found.good ? "good" : "bad";
+    showMap();
+  } catch (problem) {
+    complain(problem.message);
+  }
 }
 
 const view = new MapView(byId("map"), colours, {
@@ -247,64 +270,16 @@ const tree = new Tree(byId("tree"), select, (first, last) => {
   select(first);
 });
 
-// ---- the part's place ---------------------------------------------------------------------------
-
-const places = Array.from(document.querySelectorAll("input.place"));
-
-function showPlace() {
-  const chosen = byId("base").value;
-  byId("base").replaceChildren(
-    ...state.bases.map(({ number, name }, k) =>
-      element("option", { value: k, textContent: `${number} ${name}` }),
-    ),
-  );
-  if (chosen && +chosen < state.bases.length) byId("base").value = chosen;
-  back();
-}
-
-function frame() {
-  const values = places.map(({ value }) => (value.trim() ? +value : NaN));
-  return { base: +byId("base").value, xyz_mm: values.slice(0, 3), abc_deg: values.slice(3) };
-}
-
-function back() {
-  const base = state.bases[+byId("base").value];
-  if (!base) return;
-  [...base.xyz_mm, ...base.abc_deg].forEach((value, k) => (places[k].value = +value.toFixed(6)));
-  if (preview) {
-    preview = false;
-    const { robot } = program.data;
-    program.scene.stand(robot.T_world_robroot, robot.T_world_base);
-    byId("colour").dispatchEvent(new Event("change"));
-    byId("reach").textContent = "";
-  }
-}
-
-const askReach = latest(
-  "reach",
-  (found) => {
-    preview = true;
-    const classes = unpack(found.classes);
-    const { scene, data } = program;
-    scene.stand(data.robot.T_world_robroot, found.T_world_base);
-    program.paintTags((tag) => rgb[classes[tag]]);
-    byId("reach").textContent = found.words;
-    byId("reach").className = classes.some((c) => c > 0) ? "bad" : "good";
-  },
-  complain,
-);
-
-function movePreview() {
-  const asked = frame();
-  if ([...asked.xyz_mm, ...asked.abc_deg].every(Number.isFinite)) askReach(asked);
-}
+const places = new Places(complain, {
+  things: () => state.things,
+  program: () => program,
+  paint: (classes) => program.paintTags((tag) => rgb[classes[tag]]),
+  paintAgain: () => byId("colour").dispatchEvent(new Event("change")),
+});
 
 // ---- the page -----------------------------------------------------------------------------------
 
-for (const input of places) input.addEventListener("input", movePreview);
-byId("base").addEventListener("change", back);
-byId("back").addEventListener("click", back);
-byId("move").addEventListener("click", () => edit("move", frame()));
+byId("move").addEventListener("click", () => edit("move", places.frame()));
 for (const name of ["undo", "redo", "reload"])
   byId(name).addEventListener("click", () => edit(name));
 byId("save").addEventListener("click", async () => {
@@ -351,7 +326,10 @@ window.ppBench = {
     gone,
     shown: program?.shown ?? -1,
     mapped: map !== null,
-    preview,
+    preview: places.preview,
   }),
   program: () => program,
+  near: () => [...near.keys()],
+  grip: () => places.grip(),
+  held: () => places.held,
 };

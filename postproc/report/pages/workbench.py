@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import FloatArray, IntArray
-from postproc.cell import Cell
+from postproc.model import Plan
 from postproc.planning import SpinClass, SpinMap, TagPose
 from postproc.report.pages.program import FINDINGS_HTML, motion_sections
-from postproc.report.parts import CLASS_COLOURS, CLASS_WORDS, Page, T_world_base, escape, packed
+from postproc.report.parts import CLASS_COLOURS, CLASS_WORDS, Page, escape, packed
 from postproc.units import DEG, MM, N_PER_MM
 
 
@@ -32,7 +32,7 @@ def workbench_page(cell: str, source: str) -> bytes:
     page.section("Spin about the tool axis by tag", _MAP_HTML, "wide")
     page.section("Job", '<div class="scroll" id="tree"></div>', "third")
     motion_sections(page, [], "Tags", spins=True)
-    page.section("Place of the part", _PLACE_HTML, "half")
+    page.section("Place of part, tool, fixture", _PLACE_HTML, "half")
     page.section("Findings", FINDINGS_HTML, "half")
     return page.render()
 
@@ -67,16 +67,32 @@ def pose_answer(pose: TagPose) -> dict[str, Any]:
     }
 
 
-def reach_data(cell: Cell, kind: IntArray, stiffness: FloatArray) -> dict[str, Any]:
-    """Return classes (n,) and stiffness (n,) [N/m] of tags, and where the part stands drawn."""
+def reach_data(kind: IntArray, stiffness: FloatArray) -> dict[str, Any]:
+    """Return classes (n,) and stiffness (n,) [N/m] of tags, and how many there are of each."""
     counts = np.bincount(kind, minlength=len(SpinClass)).tolist()
     return {
         "classes": packed(kind, "uint8"),
         "stiffness": packed(stiffness / N_PER_MM),
-        "T_world_base": [float(v) for v in T_world_base(cell).ravel()],
         "words": ", ".join(
             f"{counts[kind]} {CLASS_WORDS[kind]}" for kind in SpinClass if counts[kind]
         ),
+    }
+
+
+def around_data(made: Plan, tags: IntArray) -> dict[str, Any]:
+    """Return a plan of a few tags: which, their spin [deg], whether they stand, and in words."""
+    bad = {f.tag_index for f in made.errors if f.tag_index is not None}
+    spin = dict(zip(made.tag.tolist(), (made.spin / DEG).tolist(), strict=True))
+    first = next((finding.message for finding in made.errors), "")
+    count = len(tags) - len(bad)
+    return {
+        "tags": tags.tolist(),
+        "spin_deg": [
+            None if k in bad or not np.isfinite(spin.get(k, np.nan)) else round(spin[k], 6)
+            for k in range(len(tags))
+        ],
+        "good": not made.errors,
+        "words": first or f"{count} tags around are planned anew; the whole job follows",
     }
 
 
@@ -110,12 +126,15 @@ _MAP_HTML = (
     "line of a tag; the wheel zooms</p>"
 )
 _PLACE_HTML = (
-    '<div class="bar"><label>base <select id="base"></select></label>'
+    '<div class="bar"><label>move <select id="thing"></select></label>'
+    + _button("turn", "turn", "the handle in the 3D view moves or turns")
     + "".join(
         f'<label>{name} <input class="place" type="number" step="{step}" size="7"></label>'
         for name, step in (("X", 10), ("Y", 10), ("Z", 10), ("A", 1), ("B", 1), ("C", 1))
     )
     + _button("move", "plan here", "plan with the part at this place")
     + _button("back", "back", "the place of the plan")
-    + '</div><p id="reach" class="soft" role="status">mm and deg in the robot root</p>'
+    + '</div><p id="reach" class="soft" role="status">mm and deg as the cell file has them: parts '
+    "in the robot root, tools on the flange, fixtures in the world; the handle in the 3D view does "
+    "the same</p>"
 )
