@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from postproc.api import (
+        BaseJob,
         BatchOutcome,
         Cell,
         CellCheck,
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
         Job,
         MeasuringPlan,
         ModelFile,
+        PlaceJob,
         PostprocError,
         Prediction,
         Severity,
@@ -38,6 +40,7 @@ if TYPE_CHECKING:
         diagnose,
         diff,
         explain,
+        fit_base,
         holes,
         identify,
         inspect,
@@ -45,6 +48,7 @@ if TYPE_CHECKING:
         load_cell,
         load_model,
         new_cell,
+        place,
         predict,
         read,
         robots,
@@ -56,6 +60,7 @@ if TYPE_CHECKING:
 from postproc.version import __version__
 
 __all__ = [
+    "BaseJob",
     "BatchOutcome",
     "Cell",
     "CellCheck",
@@ -69,6 +74,7 @@ __all__ = [
     "Job",
     "MeasuringPlan",
     "ModelFile",
+    "PlaceJob",
     "PostprocError",
     "Prediction",
     "Severity",
@@ -82,6 +88,7 @@ __all__ = [
     "diagnose",
     "diff",
     "explain",
+    "fit_base",
     "holes",
     "identify",
     "inspect",
@@ -89,6 +96,7 @@ __all__ = [
     "load_cell",
     "load_model",
     "new_cell",
+    "place",
     "predict",
     "read",
     "robots",

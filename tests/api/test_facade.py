@@ -15,6 +15,7 @@ from tests.kinematics.test_forward import pinocchio_arm
 ROOT = Path(__file__).resolve().parents[2]
 CASE = ROOT / "fixtures" / "drilling_panel"
 NAMES = [
+    "BaseJob",
     "BatchOutcome",
     "Cell",
     "CellCheck",
@@ -28,6 +29,7 @@ NAMES = [
     "Job",
     "MeasuringPlan",
     "ModelFile",
+    "PlaceJob",
     "PostprocError",
     "Prediction",
     "Severity",
@@ -41,6 +43,7 @@ NAMES = [
     "diagnose",
     "diff",
     "explain",
+    "fit_base",
     "holes",
     "identify",
     "inspect",
@@ -48,6 +51,7 @@ NAMES = [
     "load_cell",
     "load_model",
     "new_cell",
+    "place",
     "predict",
     "read",
     "robots",
