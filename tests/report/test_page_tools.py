@@ -1,5 +1,7 @@
 """Findings, list and charts of a page answer: filters, search, pointer, zoom; a dark scheme."""
 
+from postproc.report.pages.batch import batch_page
+
 READY = "window.ppPage && ppPage.state().ready"
 
 
@@ -100,3 +102,16 @@ def test_a_dark_scheme_is_readable(browser, holes):
         assert light[0] - light[1] > 120
     finally:
         browser.call("Emulation.setEmulatedMedia", features=[])
+
+
+def test_a_batch_leads_with_what_failed():
+    entries = {
+        "a.csv": {"status": "ok", "program": "A", "tags": 3, "cycle_time_s": 12.34, "errors": []},
+        "<b>.csv": {"status": "failed", "errors": [f"b.csv:{k}: error X: no" for k in range(5)]},
+    }
+    text = batch_page({"entries": entries}).decode()
+    assert "1 of 2 inputs have a program that passed every check, 1 failed." in text
+    assert "&lt;b&gt;.csv" in text
+    assert "and 2 more" in text
+    assert text.index("Failed") < text.index("Programs")
+    assert "12.3" in text

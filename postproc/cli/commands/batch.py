@@ -59,6 +59,7 @@ Examples:
 @click.option("--force", is_flag=True, help="Redo everything.")
 @click.option("--prune", is_flag=True, help="Remove outputs whose input is gone.")
 @click.option("--check", is_flag=True, help="Write nothing; compare with what is there.")
+@click.option("--report", metavar="FILE.html", help="A page of all inputs, to open in a browser.")
 @click.option("--junit", metavar="FILE.xml", help="Write the outcome as JUnit XML.")
 @standard_options
 def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
@@ -94,16 +95,24 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     jobs, remarks = call_of(options["inputs"], base, limits, options["config"])
     for remark in remarks:
         session.say(remark)
-    run = _check if options["check"] else _run
-    return run(session, jobs, Path(options["output"]), limits, options["junit"])
+    folder = Path(options["output"])
+    if options["check"]:
+        return _check(session, jobs, folder, limits, options["junit"])
+    return _run(session, jobs, folder, limits, options["junit"], options["report"])
 
 
 def _run(
-    session: Session, jobs: list[Job], folder: Path, options: BatchOptions, junit: str | None
+    session: Session,
+    jobs: list[Job],
+    folder: Path,
+    options: BatchOptions,
+    junit: str | None,
+    report: str | None,
 ) -> int:
     from postproc.batch import junit_xml, run_batch
     from postproc.errors import ExitCode
     from postproc.files import write_files
+    from postproc.report.pages.batch import batch_page
 
     try:
         with ticker(session) as progress:
@@ -114,6 +123,8 @@ def _run(
     document = outcome.document()
     if junit:
         write_files({Path(junit): junit_xml(document["entries"])})
+    if report:
+        write_files({Path(report): batch_page(document)})
     for key in outcome.bad:
         for line in document["entries"][key]["errors"][:3]:
             session.error(line)
