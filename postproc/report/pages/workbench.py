@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from postproc.arrays import FloatArray, IntArray
+from postproc.arrays import FloatArray, IndexArray, IntArray
 from postproc.model import Plan
 from postproc.planning import SpinClass, SpinMap, TagPose
 from postproc.report.pages.program import FINDINGS_HTML, motion_sections
@@ -79,7 +79,7 @@ def reach_data(kind: IntArray, stiffness: FloatArray) -> dict[str, Any]:
     }
 
 
-def around_data(made: Plan, tags: IntArray) -> dict[str, Any]:
+def around_data(made: Plan, tags: IndexArray) -> dict[str, Any]:
     """Return a plan of a few tags: which, their spin [deg], whether they stand, and in words."""
     bad = {f.tag_index for f in made.errors if f.tag_index is not None}
     spin = dict(zip(made.tag.tolist(), (made.spin / DEG).tolist(), strict=True))
