@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from postproc.cell import edited_cell, load_cell
 from postproc.cli import app
 from postproc.jobs.convert import ConvertRequest, convert, explained
 from tests.jobs.broken import broken, converted, told
@@ -65,6 +66,8 @@ def test_two_causes_are_two_sentences(folder):
     request = ConvertRequest("holes.csv", "cell.toml")
     found = explained(convert(request), request).causes
     assert [cause.proven for cause in found] == [True, True], found
-    words = sorted(cause.blame for cause in found)
-    assert words[0] == "'lid' is in the way"
-    assert "joint_margin_deg" in words[1]
+    assert any("joint_margin_deg" in cause.blame for cause in found)
+    (folder / "new.toml").write_bytes(
+        edited_cell(load_cell("cell.toml"), found[0].changes, "new.toml")
+    )
+    assert convert(ConvertRequest("holes.csv", "new.toml")).good

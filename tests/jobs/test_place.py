@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+import postproc as pp
 from postproc.cell import load_cell
 from postproc.cli import app
 from postproc.jobs.convert import ConvertRequest, convert, read_toolpath
@@ -56,6 +57,8 @@ def test_without_any_place_the_best_one_is_told_and_nothing_written(folder, capf
     document = json.loads(capfd.readouterr().out)
     assert (document["good"], document["tags_good"]) == (False, 0)
     assert not (folder / "n.toml").exists()
+    found = pp.place("h.csv", "cell.toml", [4000, 0, 0, 4100, 100, 100]).document
+    assert json.loads(json.dumps(found)) == document
 
 
 def test_wrong_calls_are_one_line(folder, capfd):
