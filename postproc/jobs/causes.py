@@ -133,8 +133,8 @@ class _Job:
         self._reach = Reach.of(toolpath, cell)
         names = [toolpath.tag_name(int(tag)) for tag in self._tags]
         self._rules = list(rules(cell, names))
-        hits = "PLN104" in failing.values()
-        kinds = [list(kind(cell)) if hits else [] for kind in (fixtures, tool_solids, part_solids)]
+        self._hits = "PLN104" in failing.values()
+        kinds = [list(kind(cell)) for kind in (fixtures, tool_solids, part_solids)]
         self._fixtures, self._of_tools, self._of_parts = kinds
         self._solids = [*self._fixtures, *self._of_parts, *self._of_tools]
 
@@ -166,7 +166,7 @@ class _Job:
             yield from self._tamed(rule)
         yield from self._of_place(suspect=True)
         arm_hits = list[Obstacle]()
-        if self._solids and self.stands(_off(self._solids, self._cell)):
+        if self._hits and self.stands(_off(self._solids, self._cell)):
             for thing in self._in_the_way():
                 yield from self._least(thing.cures(self._cell))
             arm_hits = self._of_parts

@@ -66,6 +66,7 @@ def test_two_causes_are_two_sentences(folder):
     request = ConvertRequest("holes.csv", "cell.toml")
     found = explained(convert(request), request).causes
     assert [cause.proven for cause in found] == [True, True], found
+    assert {"lid" in cause.blame for cause in found} == {True, False}
     assert any("joint_margin_deg" in cause.blame for cause in found)
     (folder / "new.toml").write_bytes(
         edited_cell(load_cell("cell.toml"), found[0].changes, "new.toml")
