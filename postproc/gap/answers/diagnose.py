@@ -14,9 +14,9 @@ from postproc.gap.posterior import (
     Name,
     Part,
     Sort,
-    all_rows,
     judged,
     posterior,
+    servings,
 )
 from postproc.progress import Progress
 from postproc.records import dataclass
@@ -89,6 +89,12 @@ class Diagnosis:
         """(n,) rows that are no measuring faults."""
         return ~self.outlier
 
+    @property
+    def serving(self) -> tuple[str, ...]:
+        """Effects without a name that the model holds: they make it miss fresh rows by less."""
+        fitted = self.fit.slices
+        return tuple(n for n in fitted if n not in (*self.adopted, *self.problem.always))
+
     def name(self, name: str) -> Name:
         """Return an adopted name."""
         return next(n for n in self.judged.adopted if n.name == name)
@@ -103,11 +109,11 @@ def diagnose(problem: Problem, progress: Progress | None = None) -> Diagnosis:
     say(1, 4, "which effects")
     found = judged(of)
     say(2, 4, "what is left")
-    beside, wander, bad = all_rows(found)
+    served, bad = servings(found)
     told = followed(problem, bad)
     suspects = bad & told.rows
     say(3, 4, "rows left out")
-    apart = Apart.best(found, (beside, wander), ~bad | suspects)
+    apart = Apart.best(served, ~bad | suspects)
     last = apart.last
     away = np.linalg.norm(problem.rest(apart.baseline), axis=1)
     residual = problem.rest(last.fit.point)

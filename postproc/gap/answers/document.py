@@ -67,6 +67,7 @@ def document(
         "where": where(diagnosis) | ({"program": program(diagnosis, path)} if path else {}),
         "effects": effects(diagnosis),
         "adopted": list(diagnosis.adopted),
+        "serving": list(diagnosis.serving),
         "shrinkage": _total_shrinkage(diagnosis),
         **({"before": promise.entry()} if promise else {}),
         "residual": {
@@ -164,7 +165,7 @@ def effects(diagnosis: Diagnosis) -> list[dict[str, Any]]:
 def model_file(
     diagnosis: Diagnosis, given: ModelFile | None, tool: Tool | None = None
 ) -> ModelFile:
-    """Return the given model with what was adopted, and the registration where one was fitted.
+    """Return the given model with what was adopted or serves, and a fitted registration.
 
     Args:
         diagnosis: the answer to a campaign.
@@ -173,8 +174,10 @@ def model_file(
     """
     arm = diagnosis.problem.samples.arm
     tables = dict(given.effects) if given else {}
-    for name in diagnosis.adopted:
-        tables[name] = effect_of(name).write(_seen_state(diagnosis, name), arm)
+    for name in (*diagnosis.adopted, *diagnosis.serving):
+        state = diagnosis.fit.states[name]
+        seen = _seen_state(diagnosis, name) if name in diagnosis.adopted else state
+        tables[name] = effect_of(name).write(seen, arm)
     registration = given.registration if given else None
     if diagnosis.problem.registration is not None:
         rest = rms(np.linalg.norm(diagnosis.residual, axis=1)[diagnosis.kept])

@@ -14,7 +14,7 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.gap.fit import Problem
-from postproc.gap.posterior import Judged, Name, Named, frames_of, names_free, thinned
+from postproc.gap.posterior import Judged, Name, Named, Serving, frames_of, thinned
 from postproc.records import dataclass
 
 NEW_POSES = 60
@@ -54,42 +54,45 @@ class Apart:
     held: FloatArray
 
     @classmethod
-    def best(cls, judged: Judged, sides: Sequence[FloatArray], kept: BoolArray) -> Apart:
-        """Return that which misses rows left out least, of several that may stand beside names.
-
-        What has no name cannot go into a model file: where names take it in, that may say more of
-        other poses than names without it.
+    def best(cls, served: Sequence[Serving], kept: BoolArray) -> Apart:
+        """Return that of the names, or of more where that surely misses rows left out by less.
 
         Args:
-            judged: the names.
-            sides: of each (n, 3) what stands beside them in the readings [m].
+            served: the names, and what may serve beside them.
             kept: (n,) rows that are no measuring faults.
         """
-        found = [cls.of(judged, sides[0], kept)]
-        for other in sides[1:]:
-            if judged.adopted and not np.array_equal(other, sides[0]):
-                found.append(cls.of(judged, other, kept))
-        return min(found, key=lambda apart: apart.total[1])
+        best = cls.of(served[0], kept)
+        for more in served[1:]:
+            apart = cls.of(more, kept)
+            cluster = more.judged.posterior.problem.split.cluster[kept]
+            fall = _sums(best.held[:, 1], apart.held[:, 1], cluster) @ np.array([1.0, -1.0])
+            if fall.sum() > np.sqrt(np.sum(fall**2)):
+                best = apart
+        return best
 
     @classmethod
-    def of(cls, judged: Judged, beside: FloatArray, kept: BoolArray) -> Apart:
-        """Add the adopted effects one by one, and compare.
+    def of(cls, served: Serving, kept: BoolArray) -> Apart:
+        """Add the adopted effects one by one, then all else that serves, and compare.
 
         Each step adds the effect that removes most of what is left on fitted rows, and says how
-        far the whole gap shrinks by that; the steps multiply to the whole shrinkage.
+        far the whole gap shrinks by that.
 
         Args:
-            judged: the names.
-            beside: (n, 3) what stands beside them in the readings [m].
+            served: what the model holds.
             kept: (n,) rows that are no measuring faults.
         """
+        judged = served.judged
         problem = judged.posterior.problem
         parts = _Parts.of(problem, kept)
-        order, rows, sigma = _ordered(judged), thinned(kept), judged.whole.sigma
-        fits = [Named.of(problem, frames_of(problem), sigma, rows, 0.0 * beside)]
-        for count in range(1, len(order) + 1):
-            free = names_free(judged, order[:count])
-            fits.append(Named.of(problem, free, sigma, rows, beside))
+        order, rows = _ordered(judged), thinned(kept)
+        some = [{}, *(served.free(order[:count]) for count in range(1, len(order) + 1))]
+        some[0] = frames_of(problem)
+        if set(served.keys) != {k for n in order for k in n.keys}:
+            some.append(served.free())
+        fits = [
+            Named.of(problem, free, served.at.sigma, rows, served.beside * bool(count))
+            for count, free in enumerate(some)
+        ]
         left = [parts.left(fit) for fit in fits]
         steps = tuple(
             Step(name.name, *parts.shrinkage(before, after))

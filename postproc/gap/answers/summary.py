@@ -26,6 +26,11 @@ def summary(content: dict[str, Any]) -> list[str]:
             "The loads act at the reflector, not at the cell's tool point: so say the rows."
         )
     lines += _causes(content)
+    if content["serving"]:
+        lines.append(
+            f"The model also holds {', '.join(content['serving'])}: no causes that these rows can"
+            " name, but with them it misses rows not fitted by less."
+        )
     if content["verdict"] == "no_gap":
         lines.append(f"No gap: what is measured {noise_like(content)}.")
     elif content["verdict"] == "explained":

@@ -1,12 +1,13 @@
 """The numbers of the names: exact model, all rows that are sound, and the same without some rows.
 
-What stands beside the names in the posterior (resemblances, classes, wander, effects too small for
-a name) is taken from the readings as the posterior has it: else the names would take it in.
+Beside the names, what else the posterior has (resemblances, classes, wander, effects too small for
+a name) is taken from the readings: else the names would take it in. A model that is to serve, and
+not only to name, holds all that is the arm's, fitted to the readings together.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -24,14 +25,15 @@ from postproc.gap.fit import (
     moved_points,
     without_blocks,
 )
-from postproc.gap.posterior.chosen import free_of
+from postproc.gap.posterior.chosen import Posterior, free_of
 from postproc.gap.posterior.classes import groups_of
-from postproc.gap.posterior.evidence import optimum
+from postproc.gap.posterior.evidence import Optimum, optimum
 from postproc.gap.posterior.gates import Judged
 from postproc.gap.posterior.likelihood import Linearised, row_roots, student
 from postproc.gap.posterior.names import Name
 from postproc.gap.posterior.prior import Candidate, Sort, of_effect, of_group, wander
 from postproc.gap.posterior.products import Equations
+from postproc.gap.posterior.search import Subset
 from postproc.gap.robot_model import evaluate
 from postproc.measurement import robust_sigma
 from postproc.records import dataclass
@@ -159,11 +161,6 @@ def frames_of(problem: Problem) -> dict[str, Free]:
     return {n: Free(problem.settings[n], WIDE) for n in problem.always}
 
 
-def names_free(judged: Judged, names: Sequence[Name]) -> dict[str, Free]:
-    """Return names and frames as a fit takes them."""
-    return free_of(judged.posterior, [k for n in names for k in n.keys], judged.whole)
-
-
 def thinned(rows: BoolArray) -> BoolArray:
     """Return at most ``LARGEST_FIT`` of some rows (n,)."""
     index = np.flatnonzero(rows)
@@ -172,11 +169,118 @@ def thinned(rows: BoolArray) -> BoolArray:
     return out
 
 
-def all_rows(judged: Judged) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Return what stands beside the names in all rows (n, 3) [m], of it the wander; faults (n,)."""
+@dataclass(frozen=True, slots=True)
+class Serving:
+    """Effects of the arm that a model file may hold.
+
+    keys: of their candidates; at: optimum of these with the frames and all that is in no model;
+    beside: (n, 3) what the latter moves the readings by [m].
+    """
+
+    judged: Judged
+    keys: Subset
+    at: Optimum
+    beside: FloatArray
+
+    def free(self, names: Sequence[Name] | None = None) -> dict[str, Free]:
+        """Return the effects, or those of some names, and the frames as a fit takes them."""
+        of = self.judged.posterior
+        keys = self.keys if names is None else [k for n in names for k in n.keys]
+        return free_of(of, keys, self.at)
+
+
+def servings(judged: Judged) -> tuple[tuple[Serving, ...], BoolArray]:
+    """Return what a model may hold: the names alone, then all that the rows may tell; faults (n,).
+
+    A cause too small for a name, or too like another, still says where the tool will be: its scale
+    is found with all others, on the readings themselves. Where names do not explain the gap, that
+    are the geometry, the sag and the tables of all joints, and only what is the instrument's stands
+    beside.
+    """
+    of, whole = judged.posterior, judged.whole
+    names = tuple(k for n in judged.adopted for k in n.keys)
+    fitted = _all_rows(judged, whole)
+    bad = fitted.faults()
+    found = [Serving(judged, names, whole, fitted.beside(names))]
+    keys = _telling(judged)
+    if set(keys) > set(names):
+        beside = [k for k in whole.keys if _is_device(of.candidate(k))]
+        inside = dict.fromkeys((*of.search.always, *keys, *beside))
+        at = optimum(of.search.equations, tuple(inside), of.prior, whole)
+        moved = _all_rows(judged, at).beside(keys) if beside else np.zeros((len(bad), 3))
+        found.append(Serving(judged, keys, at, moved))
+    return tuple(found), bad
+
+
+def _telling(judged: Judged) -> Subset:
+    """Return the candidates that tell most of the arm, each joint's ripple in one form."""
+    of = judged.posterior
+    causes = [k for k in judged.whole.keys if of.candidate(k).sort is Sort.CAUSE]
+    if judged.verdict in ("explained", "no_gap"):
+        return tuple(causes)
+    named = {k for n in judged.adopted for k in n.keys}
+    waves = {k: of.candidate(k) for k in causes if _is_wave(of.candidate(k))}
+    in_waves = {j for k, c in waves.items() if k in named for j in _joints(c)}
+    every = of.search.equations.candidates
+    usual = [c.key for c in every if c.effect is not None and c.effect.is_common]
+    tables = [c for c in every if c.effect is not None and c.effect.on_demand]
+    tables = [c for c in tables if c.key in named or in_waves.isdisjoint(_joints(c))]
+    stay = [k for k in causes if k in named or k not in waves]
+    return tuple(dict.fromkeys((*stay, *usual, *(c.key for c in tables))))
+
+
+def _is_wave(candidate: Candidate) -> bool:
+    return candidate.effect is not None and candidate.effect.periodic
+
+
+def _joints(candidate: Candidate) -> set[int]:
+    """Return the joints whose angle a table or wave is over."""
+    setting = candidate.setting or {}
+    return {int(j) for j in setting.get("joint", [j for j, _ in setting.get("waves", ())])}
+
+
+def _is_device(candidate: Candidate) -> bool:
+    """Return whether a candidate is of the measuring device, or nothing but a course of time."""
+    group, effect = candidate.group, candidate.effect
+    if candidate.sort is Sort.WANDER or (group is not None and group.kind == "time"):
+        return True
+    return effect is not None and effect.kind is Kind.MEASUREMENT
+
+
+@dataclass(frozen=True, slots=True)
+class _AllRows:
+    """A set of candidates fitted to all rows that are sound.
+
+    moved: by key (n, 3) [m]; size: (n,) what is left of each row, in the usual one of the sound;
+    gross: (n,) faults that are plain.
+    """
+
+    of: Posterior
+    moved: Mapping[str, FloatArray]
+    size: FloatArray
+    gross: BoolArray
+
+    def beside(self, written: Sequence[str]) -> FloatArray:
+        """Return what all but the frames and some candidates move the readings by (n, 3) [m]."""
+        total = np.zeros((len(self.size), 3))
+        for key, moved in self.moved.items():
+            if self.of.candidate(key).sort is not Sort.FRAME and key not in written:
+                total += moved
+        return total
+
+    def faults(self) -> BoolArray:
+        """Return (n,) the rows that are measuring faults."""
+        bad: BoolArray = self.size > _FAULT
+        sound = ~self.gross
+        if bad[sound].mean() > _MOST_FAULTS:
+            bad &= self.size > np.quantile(self.size[sound], 1.0 - _MOST_FAULTS)
+        return np.asarray(bad | self.gross)
+
+
+def _all_rows(judged: Judged, whole: Optimum) -> _AllRows:
+    """Return a set at its scales, on all rows."""
     of, problem = judged.posterior, judged.posterior.problem
-    n, whole = len(problem), judged.whole
-    named = {k for name in judged.adopted for k in name.keys}
+    n = len(problem)
     free = free_of(of, [k for k in whole.keys if _has_effect(of.candidate(k))], whole)
     gross = gross_faults(problem.gap)
     rows = np.flatnonzero(thinned(~gross))
@@ -198,23 +302,15 @@ def all_rows(judged: Judged) -> tuple[FloatArray, FloatArray, BoolArray]:
         moved = {c.key: c.X @ here.theta[here.part(equations, c.key)] for c in candidates}
         rest = at.z - sum(moved.values(), np.zeros_like(at.z))
         size = problem.size(rest)
-        sigma = max(robust_sigma(size[~gross]), of.level.sigma if of.level.known else 0.0)
+        # few rows beside many numbers lie closer to the fit than they scatter
+        level = max(here.sigma, of.level.sigma if of.level.known else 0.0)
+        sigma = max(robust_sigma(size[~gross]), level)
         weight = np.where(weight > 0.0, student(size / sigma), 0.0)
-    beside = sum((moved[k] for k in whole.keys if _is_beside(of.candidate(k), named)), 0.0 * rest)
-    waves = [k for k in whole.keys if of.candidate(k).sort is Sort.WANDER]
-    wander_ = sum((moved[k] for k in waves), 0.0 * rest)
-    bad: BoolArray = size > _FAULT * sigma
-    if bad[~gross].mean() > _MOST_FAULTS:
-        bad &= size > np.quantile(size[~gross], 1.0 - _MOST_FAULTS)
-    return beside, wander_, np.asarray(bad | gross)
+    return _AllRows(of, moved, size / sigma, gross)
 
 
 def _has_effect(candidate: Candidate) -> bool:
     return candidate.effect is not None and candidate.sort is not Sort.FRAME
-
-
-def _is_beside(candidate: Candidate, named: set[str]) -> bool:
-    return candidate.sort is not Sort.FRAME and candidate.key not in named
 
 
 def _at(candidate: Candidate, at: Linearised, judged: Judged) -> Candidate:

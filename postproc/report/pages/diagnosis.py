@@ -131,7 +131,7 @@ def _dot(colour: str) -> str:
 
 def _shrunk(content: dict[str, Any]) -> str:
     total, sigma = content.get("before", content["shrinkage"]), content["noise"]["sigma_mm"]
-    if not (content["adopted"] or "before" in content):
+    if not (content["adopted"] or content["serving"] or "before" in content):
         return ""
     sizes = np.array([total["rms_before_mm"], total["rms_after_mm"]])
     levels = [] if sigma is None else [("noise", 3.0**0.5 * sigma)]

@@ -69,13 +69,13 @@ def which(content: dict[str, Any]) -> list[tuple[str, str, str]]:
 
 
 def how_far(content: dict[str, Any]) -> list[str]:
-    """Return how far the adopted causes shrink the gap on rows that no fit has seen.
+    """Return how far the model shrinks the gap on rows that no fit has seen.
 
     Then, where an earlier campaign was given, what came of its compensation.
     """
     total, promise = content["shrinkage"], content.get("before")
     lines = ["Nothing is adopted: the model stays as it is."]
-    if content["adopted"]:
+    if content["adopted"] or content["serving"]:
         low, high = total["ci"]
         lines = [
             f"{total['rms_before_mm']:.3f} mm become {total['rms_after_mm']:.3f} on rows that no"
