@@ -40,7 +40,7 @@ class Kind(StrEnum):
 
     MACHINE = "machine"
     MEASUREMENT = "measurement"
-    """How it was measured."""
+    """What measured, held or carried the arm: told in readings, and no part of the arm's model."""
     REGISTRATION = "registration"
     """Where robot and measured point stand: not named where a registration is fitted."""
     ALTERNATIVE = "alternative"
@@ -127,6 +127,11 @@ class Effect(ABC):
     refines: ClassVar[tuple[str, ...]] = ()
     """Effects that it describes more closely: it comes after them, for alone it would have to be
     them too."""
+
+    @property
+    def is_arms(self) -> bool:
+        """Whether it is of the arm and its frames, not of what measured or held it."""
+        return self.kind is not Kind.MEASUREMENT
 
     @property
     def is_alternative(self) -> bool:

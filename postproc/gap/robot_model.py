@@ -212,6 +212,7 @@ class RobotModel:
         cell: Cell,
         model: ModelFile | None = None,
         measured_point: bool = False,
+        instrument: bool = False,
     ) -> RobotModel:
         """Return the model of a cell.
 
@@ -220,6 +221,7 @@ class RobotModel:
             cell: with its tool.
             model: effects to add; None for the nominal rigid arm.
             measured_point: answer for the point that the registration saw, not for the TCP.
+            instrument: answer for what the campaign's instrument reads, not for the arm.
 
         Raises:
             DataError: GAP002 unknown effect, MOD004 to MOD006 wrong table.
@@ -227,7 +229,8 @@ class RobotModel:
         registration = model.registration if model else None
         arm = arm_of(kinematics, cell, registration if measured_point else None)
         states = {}
-        for name in model.effects if model else ():
+        tables = model.effects if model else {}
+        for name in (*tables, *(model.instrument if model and instrument else ())):
             states[name] = _effect_in(model, name).read(model, arm) if model else State(np.zeros(0))
         return cls(arm, states, registration, model.reach if model else None)
 

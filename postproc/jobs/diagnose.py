@@ -17,6 +17,7 @@ from postproc.gap import (
     calibrated_urdf,
     certificate,
     document,
+    effect_of,
     kept,
     model_file,
     pose_problem,
@@ -55,7 +56,16 @@ class DiagnosisJob(Paged):
         self.path = path
         self.promise = promise
         self.checked = checked
+        self.accepted: tuple[str, ...] = ()
         self.following = measure_next(diagnosis, cell)
+
+    def accept(self, names: Sequence[str]) -> None:
+        """Let the model hold effects although the instrument may have caused the same.
+
+        Raises:
+            DataError: GAP002 if no effect has such a name.
+        """
+        self.accepted = tuple(effect_of(name).name for name in names)
 
     @property
     def verdict(self) -> str:
@@ -70,7 +80,9 @@ class DiagnosisJob(Paged):
     @cached_property
     def document(self) -> dict[str, Any]:
         """The ``postproc.diagnosis/1`` document, as ``diagnose --json`` prints it."""
-        told = document(self.diagnosis, self.following.poses, self.path, self.promise)
+        told = document(
+            self.diagnosis, self.following.poses, self.path, self.promise, self.accepted
+        )
         told |= {"certificate": certificate(self.diagnosis, self.cell)}
         return told if self.checked is None else told | {"self_check": self.checked}
 
@@ -83,7 +95,7 @@ class DiagnosisJob(Paged):
     @property
     def model(self) -> ModelFile:
         """The given model plus what was adopted."""
-        return model_file(self.diagnosis, self.given, self.cell.tool)
+        return model_file(self.diagnosis, self.given, self.cell.tool, self.accepted)
 
     def page(self) -> bytes:
         """Return the page: one HTML file that opens offline."""

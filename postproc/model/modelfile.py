@@ -63,6 +63,8 @@ Table = Mapping[str, Any]
 _FRAME = ("robroot_xyz_mm", "robroot_abc_deg")
 _POINT = "point_in_flange_mm"
 _TOOL_WEIGHT = "has_tool_weight"
+_ROOMS = ("effects", "instrument")
+_KEYS = ("schema", *_ROOMS, "registration", "notes", "reach", _TOOL_WEIGHT)
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,6 +98,8 @@ class ModelFile:
     ``text`` is where it came from (None when made by a program); ``source`` points into it.
     ``has_tool_weight``: the effects are those of the arm with its tool on and no weight of the tool
     among the loads; whatever that weight does, they have it. ``reach``: how sure it is, and where.
+    ``instrument``: effects of what measured, held or carried the arm in the campaign: readings are
+    foretold with them, the arm is not.
     """
 
     effects: Mapping[str, Table] = field(default_factory=dict)
@@ -104,6 +108,7 @@ class ModelFile:
     text: TomlText | None = field(default=None, compare=False, repr=False)
     has_tool_weight: bool = False
     reach: Reach | None = None
+    instrument: Mapping[str, Table] = field(default_factory=dict)
 
     @property
     def path(self) -> str:
@@ -122,8 +127,12 @@ class ModelFile:
         """
         if self.text is None:
             return None
-        location = ("effects", effect) if key is None else ("effects", effect, key)
-        return self.text.source(location)
+        room = "instrument" if effect in self.instrument else "effects"
+        return self.text.source((room, effect) if key is None else (room, effect, key))
+
+    def table(self, effect: str) -> Table:
+        """Return the table of an effect, of the arm or of the instrument."""
+        return self.instrument[effect] if effect in self.instrument else self.effects[effect]
 
     def require_known(self, effect: str, known: Collection[str]) -> None:
         """Refuse keys of an effect's table that the effect does not know.
@@ -135,7 +144,7 @@ class ModelFile:
         Raises:
             DataError: MOD004 with the line and the nearest known key.
         """
-        for key in self.effects[effect]:
+        for key in self.table(effect):
             if key not in known:
                 raise DataError(
                     "MOD004",
@@ -162,7 +171,7 @@ class ModelFile:
             DataError: MOD005 missing, MOD006 not numbers of this shape, or infinite: only a
                 stiffness may be. NaN stands for what was not seen.
         """
-        table = self.effects[effect]
+        table = self.table(effect)
         if key not in table:
             if optional:
                 return None
@@ -210,7 +219,7 @@ def load_model(path: str | Path) -> ModelFile:
         ReadError: IO001, IO002.
     """
     text = load_toml(path, DataError, "MOD001")
-    _check_keys(text, (), ("schema", "effects", "registration", "notes", "reach", _TOOL_WEIGHT))
+    _check_keys(text, (), _KEYS)
     if text.data.get("schema") != SCHEMA:
         raise DataError(
             "MOD002",
@@ -221,8 +230,9 @@ def load_model(path: str | Path) -> ModelFile:
     if not isinstance(has_tool_weight, bool):
         place = text.source((_TOOL_WEIGHT,))
         raise DataError("MOD006", f"{_TOOL_WEIGHT}: expected true or false", place)
-    parts = _effects(text), _registration(text), _notes(text), text, has_tool_weight
-    return ModelFile(*parts, _reach(text))
+    arm, instrument = (_effects(text, room) for room in _ROOMS)
+    parts = arm, _registration(text), _notes(text), text, has_tool_weight
+    return ModelFile(*parts, _reach(text), instrument)
 
 
 def save_model(model: ModelFile) -> bytes:
@@ -236,8 +246,9 @@ def save_model(model: ModelFile) -> bytes:
         lines.append(f"notes = {toml_value(list(model.notes))}")
     if model.has_tool_weight:
         lines.append(f"{_TOOL_WEIGHT} = true")
-    for name, table in model.effects.items():
-        lines += ["", f"[effects.{toml_key(name)}]", *toml_table(table)]
+    for room, tables in zip(_ROOMS, (model.effects, model.instrument), strict=True):
+        for name, table in tables.items():
+            lines += ["", f"[{room}.{toml_key(name)}]", *toml_table(table)]
     if model.registration is not None:
         lines += ["", "[registration]", *toml_table(_registration_table(model.registration))]
         for name, T in model.registration.stations.items():
@@ -253,17 +264,17 @@ def save_model(model: ModelFile) -> bytes:
     return ("\n".join(lines) + "\n").encode()
 
 
-def _effects(text: TomlText) -> dict[str, dict[str, Any]]:
-    tables = text.data.get("effects", {})
+def _effects(text: TomlText, room: str) -> dict[str, dict[str, Any]]:
+    tables = text.data.get(room, {})
     if not isinstance(tables, dict):
-        raise DataError("MOD006", "effects must be tables", text.source(("effects",)))
+        raise DataError("MOD006", f"{room} must be tables", text.source((room,)))
     known = part_names("effects", "postproc.gap.effects") if tables else ()
     for name, table in tables.items():
-        place = text.source(("effects", name))
+        place = text.source((room, name))
         if name not in known and difflib.get_close_matches(name, known, 1, 0.85):
             raise DataError("MOD003", f"unknown effect {name!r}{_nearest(name, known)}", place)
         if not isinstance(table, dict):
-            raise DataError("MOD006", f"effects.{name} must be a table", place)
+            raise DataError("MOD006", f"{room}.{name} must be a table", place)
     return {name: dict(table) for name, table in tables.items()}
 
 

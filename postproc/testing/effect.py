@@ -7,7 +7,6 @@ reason if the effect breaks its contract.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
@@ -70,17 +69,12 @@ def check_needs(effect: Effect, samples: Samples) -> None:
     """Without a needed column it says so; with the others missing it still works."""
     for column in effect.needs:
         try:
-            without: Samples = replace(samples, **{column: None})  # type: ignore[arg-type]
-            effect.basis(without, effect.prepare(samples))
+            effect.basis(samples.without(column), effect.prepare(samples))
         except DataError:
             continue
         _require(False, effect, f"it does not miss its column {column}")
-    absent = {
-        name: None
-        for name in ("direction", "qd", "wrench", "time", "temperature")
-        if name not in effect.needs
-    }
-    bare: Samples = replace(samples, **absent)  # type: ignore[arg-type]
+    every = ("direction", "qd", "wrench", "time", "temperature", *samples.extra)
+    bare = samples.without(*(name for name in every if name not in effect.needs))
     try:
         effect.basis(bare, effect.prepare(bare))
     except DataError as error:

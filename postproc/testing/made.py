@@ -71,6 +71,11 @@ def made_samples(rows: int = 80, spread: float = 1.0) -> Samples:
         qd=rng.uniform(-15.0, 15.0, (rows, 6)) * DEG * (rng.random((rows, 1)) < 0.6),
         time=time,
         temperature=30.0 - 9.0 * np.exp(-2.0 * time / time[-1]) + rng.normal(0.0, 1.0, rows),
+        extra={
+            "tool_no": 1 + np.arange(rows) % 3,
+            "fixture": np.array(["left", "right"])[np.arange(rows) // 7 % 2],
+            "e1_mm": np.linspace(0.0, 4000.0, rows)[::-1],
+        },
     )
     number = np.arange(rows, dtype=np.int32)
     set_ups = SetUps((2 * number) // rows, number % 2, ("left", "right"), ("top", "side"), True)

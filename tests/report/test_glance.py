@@ -20,6 +20,7 @@ def document(**changes: Any) -> dict[str, Any]:
     content: dict[str, Any] = {
         "verdict": "explained",
         "adopted": ["backlash"],
+        "serving": [],
         "effects": [cause, cause | {"name": "servo_lag", "adopted": False}],
         "gap": {"rms_mm": 0.31},
         "where": {

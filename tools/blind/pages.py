@@ -76,8 +76,10 @@ def _explained(content: Document, told: re.Match[str]) -> str:
 
 def _calm(content: Document, told: re.Match[str]) -> str:
     least = TRIFLE * 3.0**0.5 * (content["noise"]["sigma_mm"] or 0.0)
-    for test in content["residual"]["depends_on"]:
-        if test["p_value"] < SURE and test.get("rms_mm", 0.0) > least:
+    tests = content["residual"]["depends_on"]
+    for test in tests:
+        # one of so many is small by chance
+        if test["p_value"] * len(tests) < SURE and test.get("rms_mm", 0.0) > least:
             return f"{test['rms_mm']:g} mm follow {test['name']} with p = {test['p_value']:g}"
     return ""
 

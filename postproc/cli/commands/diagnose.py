@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from postproc.jobs.diagnose import DiagnosisJob
     from postproc.jobs.diagnose_trace import PathJob
 
-POSES_ONLY = ("registered", "before", "self_check")
+POSES_ONLY = ("registered", "before", "self_check", "accept")
 """Options that need a campaign of poses."""
 EPILOG = """\b
 Examples:
@@ -66,6 +66,12 @@ Examples:
 )
 @click.option(
     "--trials", type=click.IntRange(1, 100), default=1, help="Arms of each effect and size. [1]"
+)
+@click.option(
+    "--accept",
+    multiple=True,
+    metavar="EFFECT",
+    help="Write this effect into the model although the instrument may have caused the same.",
 )
 @click.option(
     "--program",
@@ -125,6 +131,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
             options["before"],
             options["trials"] if options["self_check"] else 0,
         )
+    job.accept(options["accept"])
     return _told(session, options, job)
 
 

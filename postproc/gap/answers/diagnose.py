@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
@@ -94,6 +96,15 @@ class Diagnosis:
         """Effects without a name that the model holds: they make it miss fresh rows by less."""
         fitted = self.fit.slices
         return tuple(n for n in fitted if n not in (*self.adopted, *self.problem.always))
+
+    def withheld(self, accepted: Collection[str] = ()) -> tuple[str, ...]:
+        """Return the adopted effects of the arm that no model holds: the instrument may be it.
+
+        Args:
+            accepted: names that are taken for the arm's all the same.
+        """
+        names = (n for n in self.judged.adopted if n.is_instruments and n.effect.is_arms)
+        return tuple(n.name for n in names if n.name not in accepted)
 
     def name(self, name: str) -> Name:
         """Return an adopted name."""

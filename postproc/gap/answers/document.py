@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -27,6 +27,7 @@ from postproc.units import MM
 
 SCHEMA = "postproc.diagnosis/1"
 _Z90 = 1.6449
+_OF = {True: "arm", False: "instrument"}
 SUREST = 0.98
 """No cause is called with more: of the library alone it may be the best by far, but what is not in
 it cannot be excluded better than blind campaigns with unlisted causes show."""
@@ -41,6 +42,7 @@ def document(
     proposed: Sequence[NextPose] = (),
     path: Along | None = None,
     promise: Kept | None = None,
+    accepted: Collection[str] = (),
 ) -> dict[str, Any]:
     """Return the JSON object of the contract.
 
@@ -49,6 +51,7 @@ def document(
         proposed: what to measure next.
         path: where the rows lie on a program.
         promise: what came of an earlier diagnosis in this campaign.
+        accepted: names that the model holds although the instrument may have caused the same.
     """
     problem, kept = diagnosis.problem, diagnosis.kept
     gap = np.linalg.norm(problem.rest(diagnosis.baseline), axis=1)[kept]
@@ -68,6 +71,7 @@ def document(
         "effects": effects(diagnosis),
         "adopted": list(diagnosis.adopted),
         "serving": list(diagnosis.serving),
+        "withheld": list(diagnosis.withheld(accepted)),
         "shrinkage": _total_shrinkage(diagnosis),
         **({"before": promise.entry()} if promise else {}),
         "residual": {
@@ -163,7 +167,10 @@ def effects(diagnosis: Diagnosis) -> list[dict[str, Any]]:
 
 
 def model_file(
-    diagnosis: Diagnosis, given: ModelFile | None, tool: Tool | None = None
+    diagnosis: Diagnosis,
+    given: ModelFile | None,
+    tool: Tool | None = None,
+    accepted: Collection[str] = (),
 ) -> ModelFile:
     """Return the given model with what was adopted or serves, and a fitted registration.
 
@@ -171,13 +178,18 @@ def model_file(
         diagnosis: the answer to a campaign.
         given: what the simulation knew before.
         tool: that the arm had on; None: nothing is known of its weight.
+        accepted: names that are written although the instrument may have caused the same.
     """
     arm = diagnosis.problem.samples.arm
     tables = dict(given.effects) if given else {}
+    instrument = dict(given.instrument) if given else {}
+    withheld = diagnosis.withheld(accepted)
     for name in (*diagnosis.adopted, *diagnosis.serving):
-        state = diagnosis.fit.states[name]
+        if name in withheld:
+            continue
+        state, effect = diagnosis.fit.states[name], effect_of(name)
         seen = _seen_state(diagnosis, name) if name in diagnosis.adopted else state
-        tables[name] = effect_of(name).write(seen, arm)
+        (tables if effect.is_arms else instrument)[name] = effect.write(seen, arm)
     registration = given.registration if given else None
     if diagnosis.problem.registration is not None:
         rest = rms(np.linalg.norm(diagnosis.residual, axis=1)[diagnosis.kept])
@@ -191,6 +203,7 @@ def model_file(
         has_tool_weight=(given is not None and given.has_tool_weight)
         or (tool is not None and not _logs_weight(diagnosis.problem.samples, tool)),
         reach=reach_of(diagnosis),
+        instrument=instrument,
     )
 
 
@@ -228,6 +241,7 @@ def _adopted(diagnosis: Diagnosis, name: str) -> dict[str, Any]:
     return {
         "name": name,
         "title": effect.title,
+        "of": _OF[effect.is_arms],
         "probability": _probability(diagnosis, name),
         "adopted": True,
         "rms_before_mm": _mm(step.before),
@@ -265,6 +279,7 @@ def _candidate(diagnosis: Diagnosis, name: str, before: float, after: float) -> 
     return {
         "name": name,
         "title": effect.title,
+        "of": _OF[effect.is_arms],
         "probability": _probability(diagnosis, name),
         "adopted": False,
         "rms_before_mm": _mm(before) if known else None,

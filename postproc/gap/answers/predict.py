@@ -90,7 +90,7 @@ def predict(
     rows = set_ups(measurements)
     fixed = model.registration if model is not None else None
     if registered:
-        robot = RobotModel.of(kinematics, cell, model)
+        robot = RobotModel.of(kinematics, cell, model, instrument=True)
         samples = samples_of(robot.arm, measurements)
         whole = np.flatnonzero(has_points(measurements))
         part = samples.rows(whole)
@@ -98,7 +98,7 @@ def predict(
             part, measured[whole], robot.usable(part), rows.rows(whole), None, place
         )
         model = replace(model or ModelFile(), registration=fixed)
-    robot = RobotModel.of(kinematics, cell, model, measured_point=fixed is not None)
+    robot = RobotModel.of(kinematics, cell, model, fixed is not None, instrument=True)
     samples = samples_of(robot.arm, measurements)
     if fixed is not None:
         samples, _ = seen_in(fixed, samples, measured, rows, place)

@@ -26,11 +26,7 @@ def summary(content: dict[str, Any]) -> list[str]:
             "The loads act at the reflector, not at the cell's tool point: so say the rows."
         )
     lines += _causes(content)
-    if content["serving"]:
-        lines.append(
-            f"The model also holds {', '.join(content['serving'])}: no causes that these rows can"
-            " name, but with them it misses rows not fitted by less."
-        )
+    lines += _model(content)
     if content["verdict"] == "no_gap":
         lines.append(f"No gap: what is measured {noise_like(content)}.")
     elif content["verdict"] == "explained":
@@ -132,6 +128,21 @@ def _causes(content: dict[str, Any]) -> list[str]:
             lines.append(
                 f"  Careful: fitted without {', '.join(worse)}, it makes those rows worse."
             )
+    return lines
+
+
+def _model(content: dict[str, Any]) -> list[str]:
+    """Return in what the model file differs from the causes."""
+    lines = [
+        f"{name} is not in the model: the measuring device may have caused the same. If it is"
+        f" the arm's, diagnose with --accept {name}."
+        for name in content["withheld"]
+    ]
+    if content["serving"]:
+        lines.append(
+            f"The model also holds {', '.join(content['serving'])}: no causes that these rows can"
+            " name, but with them it misses rows not fitted by less."
+        )
     return lines
 
 

@@ -1,11 +1,11 @@
 """The rows of a campaign as the fit sees them, and the arm's model."""
 
 from postproc.gap.data.dataset import (
-    COLUMN_NAMES,
     FADES,
     Arm,
     Samples,
     column_functions,
+    columns_of,
     make_samples,
     samples_of,
 )

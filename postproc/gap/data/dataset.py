@@ -25,7 +25,7 @@ COLUMN_NAMES = {
     "temperature": ("temp_C",),
     "past": ("time_s", "fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm"),
 }
-"""Column of ``Samples`` to its names in the measurement file."""
+"""Column of ``Samples`` to its names in the measurement file; any other is one by its own name."""
 
 
 FADES = (300.0, 900.0, 2700.0)
@@ -151,7 +151,7 @@ class Samples:
 
     def has(self, name: str) -> bool:
         """Return whether a column was logged."""
-        return getattr(self, name) is not None
+        return name in self.extra or (name in COLUMN_NAMES and getattr(self, name) is not None)
 
     def column(self, name: str) -> FloatArray:
         """Return a logged column.
@@ -159,10 +159,15 @@ class Samples:
         Raises:
             DataError: GAP001 if it was not logged.
         """
-        values: FloatArray | None = getattr(self, name)
-        if values is None:
-            raise DataError("GAP001", f"needs the columns {', '.join(COLUMN_NAMES[name])}")
-        return values
+        if not self.has(name):
+            raise DataError("GAP001", f"needs the columns {', '.join(columns_of(name))}")
+        return np.asarray(self.extra[name] if name in self.extra else getattr(self, name))
+
+    def without(self, *names: str) -> Samples:
+        """Return the same rows as if some columns had not been logged."""
+        extra = {name: values for name, values in self.extra.items() if name not in names}
+        gone: dict[str, Any] = dict.fromkeys(set(names) & set(COLUMN_NAMES))
+        return replace(self, extra=extra, **gone)
 
     def at(self, q: FloatArray) -> Samples:
         """Return the same rows in another pose."""
@@ -227,6 +232,11 @@ class Samples:
         torque = np.einsum("nij,nji->nj", self.axes, moment)
         torque[:, link:] = 0.0
         return np.asarray(torque)
+
+
+def columns_of(name: str) -> tuple[str, ...]:
+    """Return the names in a measurement file of a column of ``Samples``."""
+    return COLUMN_NAMES.get(name, (name,))
 
 
 def make_samples(arm: Arm, q: FloatArray, **columns: Any) -> Samples:  # noqa: ANN401

@@ -1,55 +1,93 @@
-"""The measuring device moves while it measures (an alternative, never named)."""
+"""The measuring device moves while it measures."""
 
 from __future__ import annotations
+
+from typing import Any, ClassVar
 
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.gap.data import Samples
-from postproc.gap.effect import Basis, Effect, Kind, Parameter, Setting, register
+from postproc.gap.data import Arm, Samples
+from postproc.gap.effect import Basis, Effect, Kind, Parameter, Setting, State, register
+from postproc.model import ModelFile, entry
+
+_FORMS = ("line", "curve")
+_SETTLING = 4.0
+"""How many times the settling time a campaign is long, for the curve."""
+
+
+class Creep(Effect):
+    """Something that moves in the course of a campaign: straight with time, and settling.
+
+    It begins at nothing: what is off from the start does not creep. Before and after the campaign
+    it stays as it was at that end.
+    """
+
+    kind = Kind.MEASUREMENT
+    needs = ("time",)
+    moves: ClassVar[tuple[tuple[str, str, float], ...]]
+    """What moves, the unit of its keys in a file, and the usual way to the end [m, rad]."""
+
+    def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
+        """Return the way of each axis at the end, for both forms."""
+        del arm, setting
+        return tuple(
+            Parameter(f"{what}_{axis}_{form}", size)
+            for form in _FORMS
+            for what, _, size in self.moves
+            for axis in "xyz"
+        )
+
+    def prepare(self, samples: Samples) -> Setting:
+        """Return start and length of the campaign [s]."""
+        time = samples.column("time")
+        return {"start": float(np.min(time)), "length": float(np.ptp(time)) or 1.0}
+
+    @staticmethod
+    def course(samples: Samples, setting: Setting) -> FloatArray:
+        """Return both forms (n, 2) at the time of each row."""
+        part = (samples.column("time") - setting["start"]) / setting["length"]
+        part = np.clip(part, 0.0, 1.0)
+        return np.column_stack([part, 1.0 - np.exp(-_SETTLING * part)])
+
+    def write(self, state: State, arm: Arm) -> dict[str, Any]:
+        """Return the course, and the way of each form along x, y, z."""
+        del arm
+        keys = [f"{form}_{unit}" for form in _FORMS for _, unit, _ in self.moves]
+        ways = np.nan_to_num(state.theta).reshape(-1, 3)
+        return {
+            "start_s": float(state.setting["start"]),
+            "length_s": float(state.setting["length"]),
+            **{key: entry(key, way) for key, way in zip(keys, ways, strict=True)},
+        }
+
+    def read(self, model: ModelFile, arm: Arm) -> State:
+        """Return the course of a table."""
+        del arm
+        keys = [f"{form}_{unit}" for form in _FORMS for _, unit, _ in self.moves]
+        model.require_known(self.name, ["start_s", "length_s", *keys])
+        start, length = (np.asarray(model.values(self.name, k)) for k in ("start_s", "length_s"))
+        ways = [np.asarray(model.values(self.name, key, (3,))) for key in keys]
+        return State(np.concatenate(ways), {"start": float(start), "length": float(length)})
 
 
 @register
-class TrackerCreep(Effect):
-    """Shift and turn of the measured frame with time, straight and curved."""
+class TrackerCreep(Creep):
+    """Shift and turn of the measured frame with time."""
 
     name = "tracker_creep"
-    title = "behaves like a tracker station or fixture that moves with time"
+    title = "the tracker's stand, or the fixture, moves with time"
     source = "t0 + t1 time, six degrees of freedom"
     action = "measure three fixed nests every 20 to 50 poses, poses in random order"
-    kind = Kind.ALTERNATIVE
-    needs = ("time",)
     conditions = ("time",)
-    parameter_list = tuple(
-        Parameter(f"{kind}_{axis}_{form}", size)
-        for form in ("line", "curve")
-        for kind, size in (("shift", 1e-4), ("turn", 5e-5))
-        for axis in "xyz"
-    )
-    """Shift [m] and turn [rad] at the end, for two forms of time."""
-
-    def prepare(self, samples: Samples) -> Setting:
-        """Return start and length of the campaign [s], and the mean of both forms.
-
-        The means are taken out: a frame that is off from the start is not a creeping one.
-        """
-        time = samples.column("time")
-        start, length = float(np.min(time)), float(np.ptp(time)) or 1.0
-        mean = [float(np.mean(form)) for form in _forms((time - start) / length)]
-        return {"start": start, "length": length, "mean": mean}
+    moves = (("shift", "mm", 1e-4), ("turn", "deg", 5e-5))
 
     def basis(self, samples: Samples, setting: Setting) -> Basis:
         """Move frame 0 in the course of time."""
-        part = (samples.column("time") - setting["start"]) / setting["length"]
+        course = self.course(samples, setting)
         link = np.zeros((len(samples), 7, 6, 12))
-        for index, (raw, mean) in enumerate(zip(_forms(part), setting["mean"], strict=True)):
-            form = raw - mean
+        for index in range(len(_FORMS)):
             for axis in range(3):
-                link[:, 0, 3 + axis, 6 * index + axis] = form
-                link[:, 0, axis, 6 * index + 3 + axis] = form
+                link[:, 0, 3 + axis, 6 * index + axis] = course[:, index]
+                link[:, 0, axis, 6 * index + 3 + axis] = course[:, index]
         return Basis(link=link)
-
-
-def _forms(part: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return a straight line and a settling curve over the part 0..1 of the campaign."""
-    return part, 1.0 - np.exp(-4.0 * part)

@@ -10,7 +10,7 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray, Rows
 from postproc.cell import Cell
 from postproc.errors import DataError, SourceRef
-from postproc.gap.data import COLUMN_NAMES, Samples, Seen, Split, samples_of, seen_by, split
+from postproc.gap.data import Samples, Seen, Split, columns_of, samples_of, seen_by, split
 from postproc.gap.effect import EFFECTS, Effect, Kind, Setting
 from postproc.gap.fit.load_place import register_loaded
 from postproc.gap.fit.registration import rows_on_the_arm
@@ -295,7 +295,7 @@ def testable(
             if name not in given or not effect.is_fixed(given[name].setting):
                 effects.append(effect)
         elif not effect.is_alternative:
-            missing[name] = tuple(c for column in lacking for c in COLUMN_NAMES[column])
+            missing[name] = tuple(c for column in lacking for c in columns_of(column))
     return tuple(effects), missing
 
 
@@ -303,6 +303,8 @@ def _informative(samples: Samples, column: str) -> bool:
     if not samples.has(column):
         return False
     values = samples.column(column)
+    if values.dtype.kind not in "fiu":
+        return len(np.unique(values)) > 1
     return bool(np.any(values)) and bool(np.any(np.ptp(values, axis=0) > 0.0))
 
 

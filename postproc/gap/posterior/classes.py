@@ -29,8 +29,10 @@ _FORMULAS = {
     ("approach", "constant"),
     ("speed", "proportional"),
     ("temperature", "proportional"),
+    ("station", "ramp"),
+    ("station", "warm-up"),
 }
-"""Class and shape that effects of the library have, or are told from otherwise."""
+"""Class, or what of it, and shape that effects of the library have, or are told from otherwise."""
 LOUD = 1.5
 """Ratio of wander and white noise from which the wander is a course of time that nothing explains,
 and no noise."""
@@ -63,7 +65,7 @@ class Group:
     @property
     def is_rival(self) -> bool:
         """Whether no effect has this formula."""
-        return (self.kind, self.shape) not in _FORMULAS
+        return _FORMULAS.isdisjoint({(self.kind, self.shape), (self.of, self.shape)})
 
 
 def wandering(noise: Noise, rest: Sequence[Part]) -> tuple[Part, ...]:

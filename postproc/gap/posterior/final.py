@@ -204,7 +204,7 @@ def servings(judged: Judged) -> tuple[tuple[Serving, ...], BoolArray]:
     found = [Serving(judged, names, whole, fitted.beside(names))]
     keys = _telling(judged)
     if set(keys) > set(names):
-        beside = [k for k in whole.keys if _is_device(of.candidate(k))]
+        beside = [k for k in whole.keys if of.candidate(k).is_device and k not in keys]
         inside = dict.fromkeys((*of.search.always, *keys, *beside))
         at = optimum(of.search.equations, tuple(inside), of.prior, whole)
         moved = _all_rows(judged, at).beside(keys) if beside else np.zeros((len(bad), 3))
@@ -215,10 +215,11 @@ def servings(judged: Judged) -> tuple[tuple[Serving, ...], BoolArray]:
 def _telling(judged: Judged) -> Subset:
     """Return the candidates that tell most of the arm, each joint's ripple in one form."""
     of = judged.posterior
+    named = {k for n in judged.adopted for k in n.keys}
     causes = [k for k in judged.whole.keys if of.candidate(k).sort is Sort.CAUSE]
+    causes = [k for k in causes if k in named or not of.candidate(k).is_device]
     if judged.verdict in ("explained", "no_gap"):
         return tuple(causes)
-    named = {k for n in judged.adopted for k in n.keys}
     waves = {k: of.candidate(k) for k in causes if _is_wave(of.candidate(k))}
     in_waves = {j for k, c in waves.items() if k in named for j in _joints(c)}
     every = of.search.equations.candidates
@@ -237,14 +238,6 @@ def _joints(candidate: Candidate) -> set[int]:
     """Return the joints whose angle a table or wave is over."""
     setting = candidate.setting or {}
     return {int(j) for j in setting.get("joint", [j for j, _ in setting.get("waves", ())])}
-
-
-def _is_device(candidate: Candidate) -> bool:
-    """Return whether a candidate is of the measuring device, or nothing but a course of time."""
-    group, effect = candidate.group, candidate.effect
-    if candidate.sort is Sort.WANDER or (group is not None and group.kind == "time"):
-        return True
-    return effect is not None and effect.kind is Kind.MEASUREMENT
 
 
 @dataclass(frozen=True, slots=True)

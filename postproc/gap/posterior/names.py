@@ -26,7 +26,8 @@ class Name:
     is_half: rows that were not fitted do not confirm it by more than their error;
     keys: of its candidates there; gain: nats lost without it; unique: 3D rms [m] that only it
     explains; probability: that it is there; confounded: names whose sets do about as well;
-    by_class: whether one of them is a class that no effect has the formula of, in words.
+    rival: one of them that is a class that no effect has the formula of, in words; is_instruments:
+    whether one of them is of the measuring device.
     """
 
     name: str
@@ -37,6 +38,7 @@ class Name:
     confounded: tuple[str, ...] = ()
     rival: str = ""
     is_half: bool = False
+    is_instruments: bool = False
 
     @property
     def effect(self) -> Effect:
@@ -68,7 +70,7 @@ def names_of(of: Posterior, at: Optimum | None = None) -> tuple[Name, ...]:
         rest = tuple(k for k in best if k not in keys)
         search.optimum(rest, at)
         gain = search.worth(at) - search.worth(search.optimum(rest))
-        confounded, rival = _standing_for(of, best, name)
+        confounded, rival, is_instruments = _standing_for(of, best, name)
         found.append(
             Name(
                 name,
@@ -78,6 +80,7 @@ def names_of(of: Posterior, at: Optimum | None = None) -> tuple[Name, ...]:
                 max(inclusion.get(k, 0.0) for k in keys),
                 confounded,
                 rival,
+                is_instruments=is_instruments,
             )
         )
     return tuple(sorted(found, key=lambda n: (-n.unique, n.name)))
@@ -99,8 +102,11 @@ def unique_part(of: Posterior, at: Optimum, keys: Iterable[str]) -> float:
     return float(np.sqrt(max(left - at.left - more, 0.0) / max(len(of.at.z), 1)))
 
 
-def _standing_for(of: Posterior, best: Subset, name: str) -> tuple[tuple[str, ...], str]:
-    """Return the names in sets near the best that lack a name, and a class that stands for it."""
+def _standing_for(of: Posterior, best: Subset, name: str) -> tuple[tuple[str, ...], str, bool]:
+    """Return the names in sets near the best that lack a name, and a class that stands for it.
+
+    And whether one of them is of the measuring device.
+    """
     search = of.search
     top = search.score(best) if best in search.found else search.score(search.best)
     rest = {of.candidate(k).name for k in best} - {name}
@@ -117,4 +123,4 @@ def _standing_for(of: Posterior, best: Subset, name: str) -> tuple[tuple[str, ..
     known = sorted({of.candidate(k).name for k in names if of.candidate(k).effect is not None})
     classes = [of.candidate(k).group for k in sorted(names, key=lambda k: (names[k], k))]
     words = next((f"{g.kind} ({g.of}: {g.shape})" for g in classes if g is not None), "")
-    return tuple(known), words
+    return tuple(known), words, any(of.candidate(k).is_device for k in names)

@@ -85,6 +85,13 @@ class Candidate:
         return self.sort is Sort.FRAME
 
     @property
+    def is_device(self) -> bool:
+        """Whether it is of the measuring device, or nothing but a course of time."""
+        if self.group is not None:
+            return self.group.kind == "time" and self.group.of in ("station", "reflector")
+        return self.sort is Sort.WANDER or (self.effect is not None and not self.effect.is_arms)
+
+    @property
     def families(self) -> int:
         """How many scales it has."""
         return int(self.family.max()) + 1

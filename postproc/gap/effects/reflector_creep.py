@@ -1,0 +1,29 @@
+"""The reflector moves in its mount while it is measured."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from postproc.gap.data import Samples
+from postproc.gap.effect import Basis, Setting, register
+from postproc.gap.effects.tracker_creep import Creep
+
+
+@register
+class ReflectorCreep(Creep):
+    """Shift of the measured point in the flange with time; the loads stay where they act."""
+
+    name = "reflector_creep"
+    title = "the reflector creeps in its mount"
+    source = "R (t0 + t1 time), three axes of the flange"
+    action = "glue or screw the nest; measure one pose again every 20 to 50 poses"
+    conditions = ("time", "orientation")
+    moves = (("shift", "mm", 1e-4),)
+
+    def basis(self, samples: Samples, setting: Setting) -> Basis:
+        """Move the point beyond joint 6 in the course of time."""
+        course = self.course(samples, setting)
+        R_6_flange = samples.arm.link_constants()[2]
+        link = np.zeros((len(samples), 7, 6, 6))
+        link[:, 6, 3:, :] = np.einsum("nf,ij->nifj", course, R_6_flange).reshape(-1, 3, 6)
+        return Basis(link=link)
