@@ -292,7 +292,7 @@ class RobotModel:
             return None, None
         spread = spread_of(self.reach.spread, samples, self.usable(samples), None, again)
         inside = self.reach.holds(samples.q, samples.wrench) & (not self.missing(samples))
-        return self.reach.radius(spread), inside
+        return self.reach.radius(samples.q, spread), inside
 
     def missing(self, samples: Samples) -> tuple[str, ...]:
         """Return the effects that need a column which was not logged."""

@@ -32,7 +32,8 @@ class Reach:
     that holds the point with 95 %, over the 3D standard deviation; low, high: (6,) range of the
     joints [rad]; centre (6,) [rad], root (6, 6) [1/rad]: poses with ``|root (q - centre)| <= 1``
     lie in the ellipsoid of those measured; force: largest [N]; spread: by effect (d, p), how its
-    numbers may be wrong together in d independent ways, in their usual sizes.
+    numbers may be wrong together in d independent ways, in their usual sizes; moved: 3D rms [m] by
+    which the points differ without the model.
     """
 
     left: float
@@ -43,6 +44,7 @@ class Reach:
     root: FloatArray
     force: float
     spread: Mapping[str, FloatArray]
+    moved: float = 0.0
 
     @classmethod
     def around(
@@ -52,6 +54,7 @@ class Reach:
         left: float,
         factor: float,
         spread: Mapping[str, FloatArray],
+        moved: float = 0.0,
     ) -> Reach:
         """Return the reach of poses (n, 6) [rad] that were measured.
 
@@ -67,7 +70,7 @@ class Reach:
         square = np.einsum("ni,ni->n", away, np.linalg.solve(others, away[:, :, None])[:, :, 0])
         root = np.linalg.inv(np.linalg.cholesky(X.T @ X / n + floor))
         most = max(float(np.sqrt(square.max(initial=0.0))), 1.0)
-        return cls(left, factor, low, high, centre, root / most, force, spread)
+        return cls(left, factor, low, high, centre, root / most, force, spread, moved)
 
     def beyond(self, q: FloatArray) -> FloatArray:
         """Return how far poses (n, 6) [rad] are outside, over half the width measured; 0 inside."""
@@ -90,19 +93,24 @@ class Reach:
             return inside
         return np.asarray(inside & (np.linalg.norm(wrench[:, :3], axis=1) <= 1.05 * self.force))
 
-    def radius(self, spread: FloatArray) -> FloatArray:
+    def radius(self, q: FloatArray, spread: FloatArray) -> FloatArray:
         """Return the radii (n,) [m] of 95 %.
 
+        Outside, as much as the model is not believed any more of what it moves may be wrong.
+
         Args:
+            q: (n, 6) poses [rad].
             spread: (n,) 3D standard deviation that the numbers leave open [m].
         """
-        return np.asarray(self.factor * np.hypot(self.left, spread))
+        astray = (1.0 - self.share(q)) * self.moved
+        return np.asarray(self.factor * np.hypot(np.hypot(self.left, spread), astray))
 
     def table(self) -> dict[str, Any]:
         """Return the table of the model file."""
         angles = {"q_low_deg": self.low, "q_high_deg": self.high, "q_centre_deg": self.centre}
         return {
             "left_mm": _rounded(self.left / MM),
+            "moved_mm": _rounded(self.moved / MM),
             "u95_factor": _rounded(self.factor),
             **{key: np.round(value / DEG, _DIGITS).tolist() for key, value in angles.items()},
             "q_root_per_deg": _rounded(self.root * DEG),
@@ -129,7 +137,8 @@ class Reach:
             float(_numbers(table, key, ())) for key in ("left_mm", "u95_factor", "force_N")
         )
         root = _numbers(table, "q_root_per_deg", (6, 6)) / DEG
-        found = cls(left * MM, factor, low, high, centre, root, force, draws)
+        moved = float(_numbers(table, "moved_mm", ())) * MM if "moved_mm" in table else 0.0
+        found = cls(left * MM, factor, low, high, centre, root, force, draws, moved)
         for key in table:
             if key not in found.table():
                 raise KeyError(key)

@@ -77,6 +77,10 @@ def test_poses_and_loads_that_were_not_measured_are_outside(told):
         assert not np.any(reach.holds(away, None))
         share = reach.share(away)
         assert 1.0 > share[0] > share[1] > share[2] == 0.0
+        # where nothing of the model is believed, all that it moves may be wrong
+        radius = reach.radius(away, np.zeros(3))
+        assert reach.radius(middle[None], np.zeros(1))[0] < radius[0] < radius[1] < radius[2]
+        assert radius[2] >= reach.factor * reach.moved > 0.0
     heavy = np.zeros((1, 6))
     heavy[0, 0] = 2.0 * np.linalg.norm(rows.wrench[:, :3], axis=1).max()
     assert not reach.holds(middle[None], heavy)[0]

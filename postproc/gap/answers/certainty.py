@@ -30,4 +30,4 @@ def reach_of(diagnosis: Diagnosis) -> Reach:
     rank = min(int(np.ceil(_SHARE * (len(ratio) + 1))), len(ratio))
     wrench = samples.wrench
     force = 0.0 if wrench is None else float(np.linalg.norm(wrench[:, :3], axis=1).max())
-    return Reach.around(samples.q, force, left, float(ratio[rank - 1]), arms)
+    return Reach.around(samples.q, force, left, float(ratio[rank - 1]), arms, diagnosis.total[0])
