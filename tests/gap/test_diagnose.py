@@ -70,7 +70,7 @@ def test_noise_and_faults_alone_have_no_cause(campaign, kinematics, cell):
 
 
 OUTSIDE = (
-    *("windup", "hardening", "bending", "creep", "lean", "step"),
+    *("windup", "hardening", "bending", "lean", "step"),
     *("stretch", "hose", "fixture"),
 )
 
