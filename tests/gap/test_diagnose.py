@@ -47,7 +47,7 @@ def missed(prediction, rows):
 @pytest.mark.parametrize("name", MACHINE)
 def test_one_cause_over_small_errors_of_the_frames(name, campaign, kinematics, cell):
     noise = 2e-5
-    rows, fresh = campaign(41, {name: 3e-4}, n=220, noise=noise, background=1.5e-4, outliers=0.01)
+    rows, fresh = campaign(41, {name: 3e-4}, n=160, noise=noise, background=1.5e-4, outliers=0.01)
     diagnosis = diagnose(pose_problem(rows, kinematics, cell))
     assert set(diagnosis.adopted) - FRAMES == {name}
     assert diagnosis.verdict == "explained"
@@ -77,7 +77,7 @@ OUTSIDE = (
 
 @pytest.mark.parametrize("name", OUTSIDE)
 def test_a_cause_outside_of_the_library_gets_no_name(name, campaign, kinematics, cell):
-    rows, _ = campaign(43, {name: 1.2e-4}, n=220, noise=2e-5, background=1e-4)
+    rows, _ = campaign(43, {name: 1.2e-4}, n=160, noise=2e-5, background=1e-4)
     diagnosis = diagnose(pose_problem(rows, kinematics, cell))
     assert diagnosis.verdict == "unexplained"
     assert not set(diagnosis.adopted) - FRAMES
