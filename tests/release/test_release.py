@@ -88,16 +88,20 @@ def test_the_action(changed, repository, tmp_path, shell):
     folder = edited(repository, tmp_path) if changed else repository
     defaults, steps = action_steps()
     values = defaults | {"inputs": "parts/", "cell": "cell.toml", "programs": "programs"}
-    values |= {"junit": str(tmp_path / "checks.xml"), "options": "--jobs 1"}
-    codes = {}
-    for name in ("check", "lint"):
+    values |= {"junit": str(tmp_path / "checks.xml"), "options": "--jobs 1", "before": ""}
+    codes, summary = {}, tmp_path / "summary.md"
+    where = {"RUNNER_TEMP": str(tmp_path), "GITHUB_STEP_SUMMARY": str(summary)}
+    for name in ("check", "lint", "diff"):
         variables = {
             key: re.sub(r"\$\{\{ inputs\.(\w+) \}\}", lambda m: values[m.group(1)], text)
             for key, text in steps[name]["env"].items()
         }
-        codes[name], told = shell(steps[name]["run"], folder, **variables)
+        codes[name], told = shell(steps[name]["run"], folder, **variables, **where)
         assert "Traceback" not in told
-    assert codes == {"check": int(changed), "lint": 0}
+    assert codes == {"check": int(changed), "lint": 0, "diff": 0}
+    assert ("different: " in summary.read_text()) == changed
+    assert ("::notice title=" in told) == changed
+    assert (tmp_path / "postproc" / "made.html").exists()
     assert (tmp_path / "checks.xml").exists()
 
 
