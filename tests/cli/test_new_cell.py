@@ -130,7 +130,7 @@ def test_a_terminal_is_asked_for_what_is_missing(tmp_path):
     ) as process:
         os.close(follower)
         os.write(leader, ("\n".join(answers) + "\n").encode())
-        out, err = process.communicate(timeout=30)
+        out, err = process.communicate(timeout=120)
     os.close(leader)
     assert process.returncode == 0, err
     assert b"kuka_kr210_r2700_prime" in err  # kr210 may be many

@@ -19,9 +19,9 @@ def write(folder, text, name="main_tail", **krl):
 
 
 def test_a_folder_overrides_single_files(tmp_path):
-    files = write(tmp_path, "; park\nPTP XHOME\n")
+    files = write(tmp_path, "; park\nPARK_ARM()\n")
     lines = texts.lines(files, "TEST.src")
-    assert lines[-3:] == ["; park", "PTP XHOME", "END"]
+    assert lines[-3:] == ["; park", "PARK_ARM()", "END"]
     assert "BAS(#INITMOV,0)" in lines
 
 
