@@ -28,6 +28,14 @@ AnyIntArray = NDArray[np.signedinteger[Any]]
 Kind = TypeVar("Kind", bound=np.generic)
 Rows = AnyIntArray | BoolArray
 """Which rows: their numbers, or a mask."""
+NONE = -1
+"""The number of no row."""
+ROUNDING = 1e-9
+"""Lengths [m], angles [rad] and shares that differ by no more are equal but for their rounding."""
+TINY = 1e-6
+"""Smaller lengths [m] and angles [rad] are none: no file, controller or drive tells them."""
+AT_ONCE = 4000
+"""Rows of large intermediate arrays that are made together, so that memory stays bounded."""
 
 
 def frozen_floats(owner: object, name: str, shape: tuple[int | None, ...]) -> None:

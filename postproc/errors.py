@@ -12,6 +12,9 @@ from enum import IntEnum, StrEnum
 
 from postproc.records import dataclass
 
+LISTED = 12
+"""Lines or tags that a message names at most."""
+
 
 class ExitCode(IntEnum):
     """Exit codes of every command."""

@@ -20,6 +20,8 @@ INCH = 25.4e-3
 """One inch in metres."""
 DEG = math.pi / 180.0
 """One degree in radians."""
+TURN = 2.0 * math.pi
+"""One turn in radians."""
 MM_PER_MIN = 1e-3 / 60.0
 """One mm/min in m/s."""
 INCH_PER_MIN = 25.4e-3 / 60.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from postproc.arrays import TINY
 from postproc.backup.variables import Variables
 from postproc.cell import same_type
 from postproc.errors import ReadError
@@ -11,7 +12,6 @@ from postproc.records import dataclass
 
 AXES = range(1, 7)
 _FRAME = "X Y Z A B C"
-_SMALL = 1e-6
 _DYNAMICS = {12: "c1", 13: "a1", 14: "c2", 15: "a2", 17: "c3", 18: "c4"}
 """Index of $DYN_DAT with a second copy of a length; that of a2 has the other sign."""
 _SAME_LENGTH = 0.1
@@ -105,7 +105,7 @@ def _lengths(data: Variables) -> tuple[float, ...]:
         raise ReadError("BAK007", text, data.source("$TRAFONAME"))
     root, elbow, flange = (frame or [0.0] * 6 for frame in frames.values())
     plain = [*root[:2], *root[3:], elbow[1], elbow[3], elbow[5], *flange[:2], *flange[3:]]
-    if max(map(abs, plain)) > _SMALL or abs(elbow[4] - 90.0) > _SMALL:
+    if max(map(abs, plain)) > TINY or abs(elbow[4] - 90.0) > TINY:
         text = "$TIRORO, $TX3P3 or $TFLWP turn or shift sideways: no plain six-axis arm"
         raise _no_arm(data, "$TX3P3", text)
     lengths = (a1 or 0.0, -elbow[2] + 0.0, 0.0, root[2], c2 or 0.0, elbow[0], flange[2])

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import AT_ONCE, ROUNDING, BoolArray, FloatArray
 from postproc.cell import Cell, Tool
 from postproc.gap import EFFECTS, RobotModel, effect_of, stiffness_of
 from postproc.geometry import apply
@@ -26,8 +26,6 @@ from postproc.units import MM
 
 LEFT_OF_MOTION = 0.5 * MM
 """More than this of backlash and lag that is left over at a point is a fault of the program."""
-_CHUNK = 4000
-_STANDING = 1e-9
 
 
 def cell_with_model(cell: Cell, file: ModelFile) -> Cell:
@@ -140,7 +138,7 @@ def _acting(
     in_time = model.tool_point(q, wrench, {**conditions, "qd": np.zeros_like(qd)})
     velocity = np.einsum("nij,nj->ni", model.samples(q).jacobian, qd)
     size = np.linalg.norm(velocity, axis=1, keepdims=True)
-    way = np.where(size > _STANDING, velocity / np.maximum(size, _STANDING), 0.0)
+    way = np.where(size > ROUNDING, velocity / np.maximum(size, ROUNDING), 0.0)
     behind = point - in_time
     across: FloatArray = behind - way * np.sum(way * behind, axis=1, keepdims=True)
     return in_time + across
@@ -199,8 +197,8 @@ class RealArm:
     def displacement(self, moments: Moments) -> FloatArray:
         """Return real minus nominal tool point (n, 3) [m], robroot."""
         parts = [
-            self._part(moments.rows(np.arange(start, min(start + _CHUNK, len(moments)))))
-            for start in range(0, len(moments), _CHUNK)
+            self._part(moments.rows(np.arange(start, min(start + AT_ONCE, len(moments)))))
+            for start in range(0, len(moments), AT_ONCE)
         ]
         return np.concatenate(parts) if parts else np.zeros((0, 3))
 

@@ -9,14 +9,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import ROUNDING, BoolArray, FloatArray
 from postproc.geometry.frames import rotation_about
 from postproc.records import dataclass
 from postproc.units import DEG
 
 STEP_SWEEP = 15.0 * DEG
 """Longest piece [rad] of an arc between two sampled poses: its chord is 0.3 % shorter."""
-_FLAT = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,8 +38,8 @@ def circles(start: FloatArray, auxiliary: FloatArray, end: FloatArray) -> Circle
     cross = np.cross(a, b)
     area = np.linalg.norm(cross, axis=1)
     length = np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1)
-    apart = np.linalg.norm(end - auxiliary, axis=1) > _FLAT
-    valid = (area > 1e-6 * np.maximum(length, _FLAT)) & (length > _FLAT**2) & apart
+    apart = np.linalg.norm(end - auxiliary, axis=1) > ROUNDING
+    valid = (area > 1e-6 * np.maximum(length, ROUNDING)) & (length > ROUNDING**2) & apart
     with np.errstate(divide="ignore", invalid="ignore"):
         normal = np.where(valid[:, None], cross / area[:, None], [0.0, 0.0, 1.0])
         aa = np.einsum("ij,ij->i", a, a)[:, None]
@@ -85,8 +84,8 @@ def spline_tangents(
     size = np.linalg.norm(chord, axis=1, keepdims=True)
     before, after = np.roll(chord, 1, axis=0), np.roll(chord, -1, axis=0)
     size_before, size_after = np.roll(size, 1, axis=0), np.roll(size, -1, axis=0)
-    at_start = size * (before + chord) / np.maximum(size_before + size, _FLAT)
-    at_end = size * (chord + after) / np.maximum(size + size_after, _FLAT)
+    at_start = size * (before + chord) / np.maximum(size_before + size, ROUNDING)
+    at_end = size * (chord + after) / np.maximum(size + size_after, ROUNDING)
     return (
         np.where(follows[:, None], at_start, chord),
         np.where(precedes[:, None], at_end, chord),

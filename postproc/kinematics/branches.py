@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from postproc.arrays import FloatArray, IntArray
-
-TURN = 2.0 * np.pi
+from postproc.units import TURN
 
 
 def wrapped(angle: ArrayLike) -> FloatArray:

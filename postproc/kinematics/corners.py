@@ -21,13 +21,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.arrays import AT_ONCE, BoolArray, FloatArray, IndexArray
 from postproc.geometry import axis_angle, inverse, rotation_from_vector, transform
 from postproc.kinematics.linear import linear_joints
 from postproc.kinematics.model import Kinematics
 from postproc.kinematics.singular import wrist_distance
 from postproc.records import dataclass
-from postproc.units import DEG
+from postproc.units import DEG, TURN
 
 PIECE_LENGTH = 0.03
 """Longest side [m] of a piece of a triangle of the tool point; joints go straight on a piece."""
@@ -49,13 +49,10 @@ NEARLY_LINEAR = 1e-4
 """A triangle on which the joints are proven to be linear but for so much [rad] is not cut."""
 LARGEST_BULGE = 0.03
 """A corner that cannot be cut into pieces better than this [rad] is given up."""
-_AT_ONCE = 4000
-"""So many pieces are made at once, so that memory stays bounded."""
 _RESERVE = 1.7
 """What is seen in the middle of sides, times 4/3, holds all over a parabola; the rest is spare."""
 _WIDER = 1.25
 _HALVINGS = 8
-_TURN = 2.0 * np.pi
 _LEAP = 40.0 * DEG
 _HALF = 0.5
 
@@ -176,8 +173,8 @@ def bound_of(kinematics: Kinematics, corners: Corners) -> Bound:
     easy = np.zeros(len(corners), dtype=np.bool_)
     for in_step in (False, True):
         same = rows[(counts[:, 1] == 0) == in_step]
-        for low in range(0, len(same), _AT_ONCE):
-            pieces = _linear(kinematics, corners, q, same[low : low + _AT_ONCE], in_step=in_step)
+        for low in range(0, len(same), AT_ONCE):
+            pieces = _linear(kinematics, corners, q, same[low : low + AT_ONCE], in_step=in_step)
             easy[pieces.corner] = True
             found.append(pieces)
     rows, counts = rows[~easy[rows]], counts[~easy[rows]]
@@ -226,7 +223,7 @@ def _alike(counts: IndexArray) -> Iterator[tuple[int, int, IndexArray]]:
     """Yield each of counts (r, 2), points and turns, with rows that have it, not too many."""
     for points, turns in np.unique(counts, axis=0).tolist():
         same = np.flatnonzero((counts == (points, turns)).all(axis=1))
-        size = max(1, _AT_ONCE // (points * max(turns, 1)) ** 2)
+        size = max(1, AT_ONCE // (points * max(turns, 1)) ** 2)
         yield from ((points, turns, same[low : low + size]) for low in range(0, len(same), size))
 
 
@@ -380,7 +377,7 @@ def _near(
     """Return the joints (n, 6) in the posture of others, those themselves out of reach."""
     q, valid = kinematics.ik_in(T_robroot_flange, kinematics.slot(q_near))
     q = kinematics.split_wrist(q, q_near)
-    q = q + _TURN * np.round((q_near - q) / _TURN)
+    q = q + TURN * np.round((q_near - q) / TURN)
     return np.where(valid[:, None], q, q_near), valid
 
 

@@ -5,19 +5,26 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IndexArray, IntArray, numbered
+from postproc.arrays import (
+    ROUNDING,
+    AnyIntArray,
+    BoolArray,
+    FloatArray,
+    IndexArray,
+    IntArray,
+    numbered,
+)
 from postproc.errors import KinematicsError
-from postproc.kinematics.branches import TURN, Branches, wrapped
+from postproc.kinematics.branches import Branches, wrapped
 from postproc.kinematics.chain import SerialChain
 from postproc.kinematics.inverse import OpwSolver
 from postproc.kinematics.opw import OpwArm, chain_of
 from postproc.kinematics.solver import MayStand, Solver
 from postproc.records import dataclass
+from postproc.units import TURN
 
 STRAIGHT_WRIST = 1e-7
 """|A5| [rad] below which ``split_wrist`` treats axes 4 and 6 as one."""
-_SLACK = 1e-9
-"""Rounding [rad] by which an angle may pass a limit."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -188,8 +195,8 @@ class Kinematics:
         """Return (...,) whether all six angles keep ``margin`` [rad] to their limits."""
         angles = np.asarray(q, dtype=np.float64)
         by_joint = np.ascontiguousarray(angles.reshape(-1, 6).T)
-        low = (self.q_min + (margin - _SLACK))[:, None]
-        high = (self.q_max - (margin - _SLACK))[:, None]
+        low = (self.q_min + (margin - ROUNDING))[:, None]
+        high = (self.q_max - (margin - ROUNDING))[:, None]
         inside = ((by_joint >= low) & (by_joint <= high)).all(axis=0)
         return np.asarray(inside.reshape(angles.shape[:-1]))
 
@@ -219,8 +226,8 @@ class Kinematics:
         return np.where(straight[..., None], self.nearest(split, reference), angles)
 
     def _turn_range(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-        low = np.ceil((self.q_min - _SLACK - q) / TURN)
-        high = np.floor((self.q_max + _SLACK - q) / TURN)
+        low = np.ceil((self.q_min - ROUNDING - q) / TURN)
+        high = np.floor((self.q_max + ROUNDING - q) / TURN)
         return low, high
 
 

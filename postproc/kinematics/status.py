@@ -11,16 +11,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from postproc.arrays import IntArray
+from postproc.arrays import ROUNDING, IntArray
 from postproc.kinematics.model import Kinematics
-
-_ZERO = 1e-9
-"""Angle [rad] up to which rounding below zero still counts as zero."""
 
 
 def turn(q: ArrayLike) -> IntArray:
     """Return KUKA's T (...,) of joint angles (..., 6) [rad], whole turns included."""
-    negative = np.asarray(q, dtype=np.float64) < -_ZERO
+    negative = np.asarray(q, dtype=np.float64) < -ROUNDING
     return np.asarray(negative @ (1 << np.arange(6)), dtype=np.int32)
 
 

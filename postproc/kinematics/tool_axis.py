@@ -5,12 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from postproc.arrays import FloatArray
+from postproc.arrays import TINY, FloatArray
 from postproc.geometry import apply, inverse
 from postproc.kinematics.model import Kinematics
-
-_SAME_LINE = 1e-6
-"""Angle [rad] and distance [m] up to which two lines count as one."""
 
 
 def is_coaxial_with_axis_6(
@@ -29,9 +26,9 @@ def is_coaxial_with_axis_6(
     point, direction = axis_6_in_flange(kinematics)
     T = np.asarray(T_flange_tcp, dtype=np.float64)
     tool = T[:3, :3] @ np.asarray(axis_tcp, dtype=np.float64)
-    is_parallel = float(np.linalg.norm(np.cross(tool, direction))) < _SAME_LINE
+    is_parallel = float(np.linalg.norm(np.cross(tool, direction))) < TINY
     off_line = float(np.linalg.norm(np.cross(T[:3, 3] - point, direction)))
-    return is_parallel and off_line < _SAME_LINE
+    return is_parallel and off_line < TINY
 
 
 def axis_6_in_flange(kinematics: Kinematics) -> tuple[FloatArray, FloatArray]:

@@ -14,8 +14,7 @@ from functools import partial
 
 import numpy as np
 
-from postproc.arrays import BoolArray, IndexArray, members
-from postproc.ladder.graph import NONE
+from postproc.arrays import NONE, BoolArray, IndexArray, members
 from postproc.ladder.ladder import Ladder
 from postproc.records import dataclass
 

@@ -22,8 +22,6 @@ from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IndexArray, take
 from postproc.ladder.listed import Listed
 from postproc.records import dataclass
 
-NONE = -1
-"""No state: the rung is empty."""
 _KEPT = 100_000
 """Up to so many steps are worked out where the last ones were: new memory costs as much as they."""
 _BLOCK = 6000

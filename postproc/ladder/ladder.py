@@ -18,8 +18,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray, members, taken
-from postproc.ladder.graph import CHAIN, NONE, Graph, Joined
+from postproc.arrays import NONE, BoolArray, FloatArray, IndexArray, members, taken
+from postproc.ladder.graph import CHAIN, Graph, Joined
 from postproc.ladder.listed import Listed
 from postproc.records import dataclass
 

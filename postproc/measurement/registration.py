@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import ROUNDING, TINY, BoolArray, FloatArray
 from postproc.errors import DataError, SourceRef
 from postproc.geometry import apply, inverse, rotation_from_vector, transform
 from postproc.measurement.setups import SetUps
@@ -32,10 +32,6 @@ ENOUGH = 12
 _STEPS = 50
 _SETTLED = 1e-10
 """Change [m, rad] that ends the fit."""
-_ROUNDING = 1e-9
-"""Residuals are not believed to be smaller [m]."""
-_SAME = 1e-6
-"""Joint angles [rad], or places [m] and directions, that differ by less are one posture."""
 
 
 def fit_registration(
@@ -189,7 +185,7 @@ def _require_spread(
 
 
 def _distinct(rows: FloatArray) -> int:
-    return len(np.unique(np.round(rows / _SAME), axis=0))
+    return len(np.unique(np.round(rows / TINY), axis=0))
 
 
 def _step(
@@ -217,9 +213,9 @@ def _step(
         X[row, :, at + 3 + axis] = turn[:, :, axis]
         X[row, :, 6 * frames + 3 * rows.reflector + axis] = R_robroot_flange[:, :, axis]
     size = np.linalg.norm(residual, axis=1)
-    limit = 2.0 * float(np.median(size)) + _ROUNDING
-    root = np.sqrt(np.minimum(1.0, limit / np.maximum(size, _ROUNDING)))
-    pull = max(float(np.median(np.abs(residual))), _ROUNDING) / REACH
+    limit = 2.0 * float(np.median(size)) + ROUNDING
+    root = np.sqrt(np.minimum(1.0, limit / np.maximum(size, ROUNDING)))
+    pull = max(float(np.median(np.abs(residual))), ROUNDING) / REACH
     points = X.shape[2] - 6 * frames
     prior = np.hstack([np.zeros((points, 6 * frames)), pull * np.eye(points)])
     A = np.vstack([(X * root[:, None, None]).reshape(3 * n, -1), prior])

@@ -22,7 +22,7 @@ from postproc.paths.curves import Curves, curves_of
 from postproc.paths.externals import Externals
 from postproc.records import dataclass
 from postproc.timing import Samples, resolved
-from postproc.units import DEG
+from postproc.units import DEG, TURN
 
 STEP_LENGTH = 0.015
 """Longest piece [m] of a path motion between two sampled poses."""
@@ -33,7 +33,6 @@ MAX_SAMPLES = 1_500_000
 NEAR_ZERO = 2.0 * DEG
 """Within this of 0 a controller may override the turn bit of an axis."""
 _CHUNK = 50_000
-_TURN = 2.0 * np.pi
 _LEAP = 20.0 * DEG
 
 _STILL = 1e-5
@@ -314,7 +313,7 @@ class _Solver:
         trace, kinematics = self.trace, self.kinematics
         negative = (trace.turn[rows][:, None] >> np.arange(6)) & 1 == 1
         wrong = (q < 0.0) != negative
-        step = np.where(negative, -_TURN, _TURN)
+        step = np.where(negative, -TURN, TURN)
         moved = np.where(wrong & (np.abs(q) > NEAR_ZERO), q + step, q)
         # An axis that may go round more than once stands at the value nearest to 0 of its sign.
         out = (moved < kinematics.q_min - 1e-9) | (moved > kinematics.q_max + 1e-9)
@@ -405,7 +404,7 @@ class _Solver:
         slot = np.asarray(self.kinematics.slot(q_start)).astype(np.int64)
         T = self._flanges(self.row[heads], self.share[heads])
         slots, valid = self.kinematics.ik(T)
-        gap = np.abs((slots - q_start[:, None, :] + np.pi) % _TURN - np.pi).max(axis=2)
+        gap = np.abs((slots - q_start[:, None, :] + np.pi) % TURN - np.pi).max(axis=2)
         gap = np.where(valid, gap, np.inf)
         best = gap.argmin(axis=1)
         rows = np.arange(len(heads))
@@ -459,7 +458,7 @@ class _Solver:
     def _near(self, row: AnyIntArray, share: FloatArray, near: FloatArray) -> FloatArray:
         """Return where the axes are (n, 6 + k), nearest to ``near``; NaN out of reach."""
         q = self.kinematics.split_wrist(self._solve(row, share)[0], near[:, :6])
-        return self._places(row, share, q + _TURN * np.rint((near[:, :6] - q) / _TURN))
+        return self._places(row, share, q + TURN * np.rint((near[:, :6] - q) / TURN))
 
     def _places(self, row: AnyIntArray, share: FloatArray, q: FloatArray) -> FloatArray:
         return np.hstack([q, self.curves.external_at(row, share, self.external)])
@@ -500,8 +499,8 @@ def _continued(
         from_start[:, None], taken(q_start, run), taken(principal, np.maximum(before, 0))
     )
     angles = kinematics.split_wrist(principal, reference)
-    wraps = -np.rint((angles - reference) / _TURN)
+    wraps = -np.rint((angles - reference) / TURN)
     wraps[~known] = 0.0
     total = np.cumsum(wraps, axis=0)
     offset = total[heads] - wraps[heads]
-    return np.asarray(angles + _TURN * (total - offset[run]))
+    return np.asarray(angles + TURN * (total - offset[run]))

@@ -25,11 +25,11 @@ from postproc.planning.route import Route, route
 from postproc.planning.search import (
     DEFAULT_BOUND,
     TIE_TRAVEL,
-    Growth,
     Interpolation,
     LossBound,
     PoseSearch,
-    Wish,
+    Refinement,
+    SearchOptions,
     along,
     best_index,
     between_round,
@@ -85,7 +85,7 @@ class Attempt:
         self.clock.begin("search")
         if checker is not None:
             self._search_by(checker)
-        self.growth = Growth(self.between)
+        self.refinement = Refinement(self.between)
         self.bound = None if self._best is None else LossBound(self._best, self._most)
 
     def _search_by(self, checker: Checker) -> None:
@@ -97,24 +97,26 @@ class Attempt:
         self._best = best_index(checker, self.between) if self.is_smooth else None
         keys = key_tags(problem.toolpath, wishes) if self.is_smooth else dense_key_tags(problem)
         self._asked = int(keys.sum())
-        self.search = searched(checker, np.flatnonzero(keys), self._wish(), self.between)
+        self.search = searched(checker, np.flatnonzero(keys), self._search_options(), self.between)
 
     def widen(self) -> bool:
         """Search all poses at once where it was done lap by lap; return whether it was."""
-        if self.search.wish.window is None:
+        if self.search.options.window is None:
             return False
-        self.search = PoseSearch.of(self.checker, self.search.tags, self._wish(), self.between)
+        self.search = PoseSearch.of(
+            self.checker, self.search.tags, self._search_options(), self.between
+        )
         self.renew()
         return True
 
-    def _wish(self) -> Wish:
+    def _search_options(self) -> SearchOptions:
         problem, best = self.checker.problem, self._best
         if best is None:
-            return Wish(each=problem.cell.optimize.strategy is Strategy.EACH)
+            return SearchOptions(each=problem.cell.optimize.strategy is Strategy.EACH)
         least = LossBound(best, self._most).least if np.isfinite(best).any() else None
         number = stretches(problem.toolpath)
         each = not problem.cell.optimize.refine
-        return Wish(each=each, cut_travel=TIE_TRAVEL, least=least, stretch=number)
+        return SearchOptions(each=each, cut_travel=TIE_TRAVEL, least=least, stretch=number)
 
     def renew(self) -> None:
         """Forget what was worked out: the search has changed."""
@@ -147,7 +149,7 @@ class Attempt:
             record |= {"travel_rad2_grid": record["travel_rad2"], "travel_rad2": travel(chosen)}
         findings = explained(self.checker, search.evidence(chosen))
         findings += between_round(problem, search.tags, chosen) if moved else []
-        findings += gave_up(self.checker, chosen, findings, sorted(self.growth.gave_up))
+        findings += gave_up(self.checker, chosen, findings, sorted(self.refinement.gave_up))
         best = (
             along(self.between, search.tags, search.edges.index)
             if self._best is None

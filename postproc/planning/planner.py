@@ -229,10 +229,10 @@ def _planned(
     clock = Clock("place", progress)
     checker = checker_of(toolpath, cell, settings, external)
     solved = solve(checker, clock, partial=options.partial, goes_on=goes_on)
-    return _told(solved, toolpath, clock, options)
+    return _plan_of(solved, toolpath, clock, options)
 
 
-def _told(solved: Solved, toolpath: ToolPath, clock: Clock, options: PlanOptions) -> Plan:
+def _plan_of(solved: Solved, toolpath: ToolPath, clock: Clock, options: PlanOptions) -> Plan:
     """Return the plan of a toolpath as it is read."""
     checker, choice, routed = solved.checker, solved.choice, solved.routed
     problem, chosen = checker.problem, choice.chosen

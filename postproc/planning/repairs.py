@@ -41,12 +41,12 @@ class Repair(NamedTuple):
 
 
 def _turn_faster(attempt: Attempt) -> bool:
-    return attempt.search.may_hurry(attempt.found)
+    return attempt.search.allow_fast_turns(attempt.found)
 
 
 def _look_closer(attempt: Attempt) -> bool:
     search, n = attempt.search, len(attempt.checker.problem)
-    tags, stride = attempt.growth.next(search, attempt.found)
+    tags, stride = attempt.refinement.next(search, attempt.found)
     if not len(tags):
         return False
     attempt.clock.step(min(len(search.tags), n - 1), n, "search")
@@ -66,7 +66,7 @@ def _keep_posture(attempt: Attempt) -> bool:
     search, chosen = attempt.search, attempt.chosen
     for bits in (ARM, WRIST):
         changes = changes_of(bits, chosen)
-        if not search.wish.steady & bits and not has_ways(search.checker, chosen, changes):
+        if not search.options.steady & bits and not has_ways(search.checker, chosen, changes):
             search.keep(bits)
             return True
     return False

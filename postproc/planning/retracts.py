@@ -15,13 +15,12 @@ import numpy as np
 
 from postproc.arrays import IndexArray
 from postproc.cell import Cell
-from postproc.errors import Finding, Severity
+from postproc.errors import LISTED, Finding, Severity
 from postproc.model import CUTS, MotionKind, Plan, ToolPath
 from postproc.planning.repeats import as_of
 from postproc.planning.states import REENTRY, Chosen, Problem, entered_anew
 from postproc.units import DEG
 
-_LISTED = 12
 _ROUNDS = 16
 """So often at most another place is taken once the cut has been left at the known ones."""
 
@@ -91,10 +90,10 @@ def changes_between(problem: Problem, chosen: Chosen) -> list[Finding]:
     if not len(new):
         return []
     lines = toolpath.line[new].tolist()
-    more = f" and {len(lines) - _LISTED} more" if len(lines) > _LISTED else ""
+    more = f" and {len(lines) - LISTED} more" if len(lines) > LISTED else ""
     text = (
         "between cuts the tool is lifted off and the arm goes on in another configuration, or an "
-        f"axis by more than half a turn: lines {', '.join(map(str, lines[:_LISTED]))}{more}"
+        f"axis by more than half a turn: lines {', '.join(map(str, lines[:LISTED]))}{more}"
     )
     source = toolpath.source(int(new[0]))
     return [Finding(Severity.NOTE, "PLN311", text, int(new[0]), source)]

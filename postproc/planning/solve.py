@@ -81,16 +81,16 @@ def solve(checker: Checker, clock: Clock, *, partial: bool, goes_on: bool) -> So
         tried[repair.name] += 1
         attempt.renew()
     best = replace(best, tried=dict(tried))
-    _tell(best.routed, plans - 1)
+    _add_hints(best.routed, plans - 1)
     return _without_stuck(best, goes_on=goes_on) if partial else best
 
 
-def _tell(routed: Route, anew: int) -> None:
-    """Say in findings, in place, that poses were chosen ``anew`` so often and ways still miss."""
+def _add_hints(routed: Route, times: int) -> None:
+    """Say in findings, in place, that poses were chosen ``times`` so often and ways still miss."""
     stuck = [gap.finding for gap in routed.gaps]
     for at, finding in enumerate(routed.findings):
-        if anew and any(finding is one for one in stuck):
-            routed.findings[at] = replace(finding, hint=_PARTED.format(times=anew))
+        if times and any(finding is one for one in stuck):
+            routed.findings[at] = replace(finding, hint=_PARTED.format(times=times))
 
 
 def _without_stuck(solved: Solved, *, goes_on: bool) -> Solved:

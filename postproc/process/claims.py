@@ -18,7 +18,7 @@ import numpy as np
 
 from postproc.arrays import AnyIntArray, FloatArray, IntArray, runs
 from postproc.cell import Cell, Tool, Workpiece, cam_key
-from postproc.errors import CellError, Finding, Severity, SourceRef
+from postproc.errors import LISTED, CellError, Finding, Severity, SourceRef
 from postproc.geometry import apply, inverse
 from postproc.model import Arcs, CamSetup, CamTool, EventKind, MotionKind, ToolPath, WordUse
 from postproc.records import dataclass
@@ -27,7 +27,6 @@ from postproc.units import MM
 UNCLAIMED = -1
 SETUP_WORDS = frozenset({"MCSYS", "MCS", "MCS2", "ZERO", "CUTCOM/ADJUST"})
 """Words that name a setup of which only a cell can say where the points lie."""
-_MOST_LINES = 12
 _SAME_DIAMETER = 0.01 * MM
 
 
@@ -368,8 +367,8 @@ class _Sorter:
         """Return the lines of tags as ``12 motions in lines 7 to 18, 40 to 52``."""
         groups = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
         line = np.asarray(self.toolpath.line)
-        shown = [f"{line[group[0]]} to {line[group[-1]]}" for group in groups[:_MOST_LINES]]
-        more = f" and {len(groups) - _MOST_LINES} more" if len(groups) > _MOST_LINES else ""
+        shown = [f"{line[group[0]]} to {line[group[-1]]}" for group in groups[:LISTED]]
+        more = f" and {len(groups) - LISTED} more" if len(groups) > LISTED else ""
         return f"{len(rows)} motions in lines {', '.join(shown)}{more}"
 
 

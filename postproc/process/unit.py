@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from postproc.arrays import BoolArray
+from postproc.arrays import TINY, BoolArray
 from postproc.cell import Cell
 from postproc.errors import Finding, Severity, SourceRef
 from postproc.model import Cycle, CycleKind, Event, EventKind, MotionKind, ToolPath
@@ -28,7 +28,6 @@ NUMBER = "hole_number"
 _COLUMNS = ("hole_depth", "hole_feed")
 _INTO = 0.98
 """A cut whose way is the tool axis by this share goes into the part."""
-_LEAST = 1e-6
 _ONLY_DRILLED = frozenset(
     {CycleKind.DRILL, CycleKind.DEEP, CycleKind.BRKCHP, CycleKind.FACE, CycleKind.CSINK}
 )
@@ -68,7 +67,7 @@ def _standing(toolpath: ToolPath, cell: Cell, is_hole: BoolArray) -> ToolPath:
 def _stand(cycle: Cycle, approach: float) -> Cycle:
     """Return the stroke of a robot that stands at the clearance height of a cycle."""
     up = cycle.retract - cycle.clearance
-    up = up if up > _LEAST else approach
+    up = up if up > TINY else approach
     return Cycle(CycleKind.DRILL, 0.0, up, up, feed=STAND_SPEED, diameter=cycle.diameter)
 
 
@@ -128,7 +127,7 @@ def _made_twice(toolpath: ToolPath) -> list[Finding]:
     into = along > _INTO * np.linalg.norm(way, axis=1)
     cut = np.asarray(toolpath.kind[1:]) == MotionKind.LINEAR
     same = np.diff(np.asarray(toolpath.tool)) == 0
-    tags = np.flatnonzero(into & cut & same & (along > _LEAST)) + 1
+    tags = np.flatnonzero(into & cut & same & (along > TINY)) + 1
     if not len(tags):
         return []
     lines = ", ".join(str(int(line)) for line in toolpath.line[tags[:12]])

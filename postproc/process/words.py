@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from postproc.errors import Finding, RunKind, Severity, SourceRef
+from postproc.errors import LISTED, Finding, RunKind, Severity, SourceRef
 from postproc.model import ToolPath, WordUse
-
-_MOST_LINES = 12
 
 
 def word_findings(toolpath: ToolPath) -> tuple[Finding, ...]:
@@ -30,8 +28,8 @@ def refusals(findings: Iterable[Finding]) -> tuple[Finding, ...]:
 
 def _lines_text(lines: Sequence[int]) -> str:
     """Return ``line 7``, or ``lines 7, 9 and 3 more`` with at most a dozen numbers."""
-    shown = ", ".join(str(line) for line in lines[:_MOST_LINES])
-    more = len(lines) - _MOST_LINES
+    shown = ", ".join(str(line) for line in lines[:LISTED])
+    more = len(lines) - LISTED
     word = "line" if len(lines) == 1 else "lines"
     return f"{word} {shown} and {more} more" if more > 0 else f"{word} {shown}"
 

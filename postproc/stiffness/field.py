@@ -15,15 +15,12 @@ from dataclasses import field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from postproc.arrays import BoolArray, FloatArray, IntArray, frozen_floats
+from postproc.arrays import TINY, BoolArray, FloatArray, IntArray, frozen_floats
 from postproc.errors import StiffnessError
 from postproc.records import dataclass
 
 Locate = Callable[[FloatArray], FloatArray]
 """Joint angles (n, 6) [rad] to the tool point (n, 3) [m] in robroot."""
-
-_FACE = 1e-6
-"""A point within a micrometre [m] of a face lies on it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,7 +135,7 @@ class Grid:
         _, ny, nz = self.counts
         return np.asarray((index[..., 0] * ny + index[..., 1]) * nz + index[..., 2])
 
-    def touching(self, points: FloatArray, tolerance: float = _FACE) -> tuple[IntArray, BoolArray]:
+    def touching(self, points: FloatArray, tolerance: float = TINY) -> tuple[IntArray, BoolArray]:
         """Return the up to eight cells whose closed box holds each point (n, 3).
 
         Returns:

@@ -16,16 +16,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from postproc.arrays import FloatArray, IndexArray
+from postproc.arrays import ROUNDING, FloatArray, IndexArray
 from postproc.records import dataclass
 from postproc.timing.torques import Torques
 
 _TINY = 1e-12
 _WITHIN = 0.95
 """Share of the blending distance by which a knot stands for the corner within it."""
-_SHORT = 1e-9
-_STANDS = 1e-9
-"""A speed [m/s] that is held at least, so that times are finite."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +91,7 @@ def bounded_times(
         chain: low, high.
     """
     low, high = chain
-    rows = low + np.flatnonzero(length[low:high] > _SHORT)
+    rows = low + np.flatnonzero(length[low:high] > ROUNDING)
     if not len(rows):
         return np.zeros(high - low)
     row, way, *path = _knots(length, joints, rows)
@@ -121,10 +118,10 @@ def _knots(
     begins, ends = np.searchsorted(row, rows), np.searchsorted(row, rows, "right") - 1
     size = length[rows]
     blend = blending_distances(joints.blend[rows], size)
-    turn = (first[begins[1:]] - first[ends[:-1]]) / (2.0 * np.maximum(blend, _SHORT))[:, None]
+    turn = (first[begins[1:]] - first[ends[:-1]]) / (2.0 * np.maximum(blend, ROUNDING))[:, None]
     before, behind = np.insert(blend, 0, 0.0), np.append(blend, 0.0)
     number = np.searchsorted(rows, row)
-    inner = (at > before[number] + _SHORT) & (at < (size - behind)[number] - _SHORT)
+    inner = (at > before[number] + ROUNDING) & (at < (size - behind)[number] - ROUNDING)
     middle = 0.5 * (first[ends[:-1]] + first[begins[1:]])
     corner = q[ends[:-1]]
     parts = (
@@ -138,7 +135,7 @@ def _knots(
     row, at, q, first, second = (np.concatenate(column) for column in zip(*parts, strict=True))
     way = (np.cumsum(size) - size)[np.searchsorted(rows, row)] + at
     order = np.lexsort((np.arange(len(way)), way))
-    order = order[np.append(True, np.diff(way[order]) > _SHORT)]
+    order = order[np.append(True, np.diff(way[order]) > ROUNDING)]
     return row[order], way[order], q[order], first[order], second[order]
 
 
@@ -160,7 +157,7 @@ def slopes(row: IndexArray, at: FloatArray, q: FloatArray) -> tuple[FloatArray, 
         at: (k,) place on it [m], rising.
         q: (k, d) joints there.
     """
-    step = np.maximum(np.diff(at), _SHORT)[:, None]
+    step = np.maximum(np.diff(at), ROUNDING)[:, None]
     chord = np.diff(q, axis=0) / step
     first, second = np.zeros_like(q), np.zeros_like(q)
     same = np.diff(row) == 0
@@ -216,7 +213,7 @@ def bounded_speed(
     left = (np.minimum(up, down) - np.abs(bend) * highest[:, None]).min(axis=1)
     needed = np.abs(np.diff(square)) / (2.0 * step)
     top = np.maximum(np.minimum(cap**2, limit), highest)
-    return np.sqrt(square), np.sqrt(top), np.maximum(np.maximum(left, needed), _STANDS)
+    return np.sqrt(square), np.sqrt(top), np.maximum(np.maximum(left, needed), ROUNDING)
 
 
 def _largest(up: FloatArray, down: FloatArray, bend: FloatArray) -> FloatArray:
@@ -244,7 +241,7 @@ def _passes(
         found[i] = min(found[i], (room[i] + share[i] * found[i + 1]).min())
     for i in range(len(step)):
         push = (up[i] - bend[i] * found[i]).min()
-        reached = max(found[i] + 2.0 * step[i] * push, _STANDS**2)
+        reached = max(found[i] + 2.0 * step[i] * push, ROUNDING**2)
         found[i + 1] = min(found[i + 1], reached)
     return found
 

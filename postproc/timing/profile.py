@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from postproc.arrays import AnyIntArray, FloatArray, runs
+from postproc.arrays import ROUNDING, AnyIntArray, FloatArray, runs
 from postproc.records import dataclass
 from postproc.timing.bounded import JointPath, blending_distances, bounded_times, segment_times
 from postproc.timing.torques import Torques
@@ -33,8 +33,6 @@ speeds up most if it is short."""
 SPEED_UP_TIME = 0.5
 """Time [s] in which an external axis reaches its speed; assumed."""
 _TINY = 1e-12
-_HAIR = 1e-9
-"""Share of a way that is nothing, by which it is no border case any more."""
 _FAR = 1e5
 """A way [m or rad] of which the rest is made at even speed."""
 _STOPS = 1e-7
@@ -314,7 +312,7 @@ class _RestToRest:
         try:
             solver.calculate(request, trajectory)  # type: ignore[attr-defined]
         except ruckig.RuckigError:  # just where the acceleration is reached rounding finds no way
-            request.target_position = [float(way) * (1.0 + _HAIR)]  # type: ignore[attr-defined]
+            request.target_position = [float(way) * (1.0 + ROUNDING)]  # type: ignore[attr-defined]
             solver.calculate(request, trajectory)  # type: ignore[attr-defined]
         return float(trajectory.duration)  # type: ignore[attr-defined]
 

@@ -14,7 +14,7 @@ from postproc.planning.planner import checker_of, plan
 from postproc.planning.search.keytags import dense_key_tags
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.search.roll import main_spins
-from postproc.planning.search.rungs import ROLL_PRICE, STEADY_BAND, Wish
+from postproc.planning.search.rungs import ROLL_PRICE, STEADY_BAND, SearchOptions
 from postproc.planning.states import PlanOptions, settle
 from postproc.units import DEG, MM
 from tools.bench.contours import contour, random_case
@@ -112,5 +112,5 @@ def test_what_rolls_off_the_main_spin_gains_its_price(seed):
 
 def test_where_every_tag_is_to_stand_at_its_best_it_may_roll():
     search, found = searched(751003)
-    search.wish = Wish(each=True)
+    search.options = SearchOptions(each=True)
     assert main_spins(search, found) is None

@@ -184,7 +184,7 @@ def test_gaps_of_both_kinds_are_known_in_any_order(checker):
     apart = Parted.by(at, at + np.radians([60, 0, 0, 0, 0, 0]))
     search = PoseSearch.of(checker, np.arange(6))
     assert search.part([alike, apart])
-    assert len(search.wish.parted) == 2
+    assert len(search.options.parted) == 2
     assert not search.part([apart, alike])
 
 

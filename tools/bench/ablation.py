@@ -37,7 +37,7 @@ from postproc.planning.repairs import REPAIRS
 from postproc.readers import read
 from tests.cells import STIFFNESS, cell_text
 from tests.places import FIXTURES
-from tests.planning.test_fans import CORNERS, TILTED
+from tests.planning.test_failing import CORNERS, TILTED
 from tests.planning.test_main_spin import DOME_CELL, dome
 from tests.planning.test_solve import HOLES, PARTED
 from tools.bench.cells import holes_file, write_cells
@@ -87,10 +87,10 @@ OFF: dict[str, tuple[Switch, ...]] = {
         ("postproc.planning.external.planner", "carried_where_better", lambda p, runs, m: runs),
     ),
     "without roll": (("postproc.planning.attempt", "without_roll", _nothing),),
-    "fan": ((SEARCH + "pose_search", "fan", _nothing),),
+    "also failing": ((SEARCH + "pose_search", "also_failing", _nothing),),
     "alike": ((SEARCH + "failing", "_alike", lambda s, rung, a, b: np.zeros((0, 2), int)),),
-    "hopeless": (
-        (SEARCH + "between", "hopeless", lambda problem, way: np.zeros(len(problem), int)),
+    "infeasible": (
+        (SEARCH + "between", "infeasible", lambda problem, way: np.zeros(len(problem), int)),
     ),
     "beside": ((POSES, "_around", lambda self, states, *a: (states[:0], states[:0])),),
     "far along": ((SEARCH + "pose_search", "_FARTHEST", 2),),
@@ -101,13 +101,12 @@ OFF: dict[str, tuple[Switch, ...]] = {
             lambda self, spans, judged: ~judged.good(len(spans)),
         ),
     ),
-    "refuted": ((SEARCH + "growth.Growth", "_is_refuted", _no),),
-    "empties": ((SEARCH + "growth.Growth", "_around_empties", _none),),
-    "gaps": ((SEARCH + "growth.Growth", "_around_gaps", _none),),
+    "empties": ((SEARCH + "refinement.Refinement", "_around_empties", _none),),
+    "gaps": ((SEARCH + "refinement.Refinement", "_around_gaps", _none),),
     "stuck": ((SEARCH + "rungs", "_stuck", lambda *a: np.zeros(0, int)),),
     "round spins": (("postproc.planning.attempt", "on_round_spins", _second),),
     "home price": ((SEARCH + "rungs", "_price_home", _none),),
-    "leans": ((SEARCH + "leaning.Leans", "barred", _none),),
+    "tilt steps": ((SEARCH + "tilt_steps.TiltSteps", "barred", _none),),
     "bridges": ((SEARCH + "rungs", "BRIDGED", 0.0),),
     "steady turn": ((SEARCH + "rungs", "STEADY_TURN", 100.0),),
     "folded": ((ROUTE + "connect", "_folded", _no_ways),),

@@ -14,7 +14,7 @@ from xml.parsers import expat
 
 import numpy as np
 
-from postproc.arrays import FloatArray
+from postproc.arrays import ROUNDING, FloatArray
 from postproc.cell.urdf.numbers import check_numbers, origin_of
 from postproc.errors import CellError, SourceRef
 from postproc.files import read_bytes
@@ -24,8 +24,6 @@ _MOVING = ("revolute", "continuous")
 MOST_TURNS = 1000
 """More sets of whole turns than these at one pose are a slip of units."""
 _AXES = 6
-_SAME_POSE = 1e-9
-"""Largest difference [m and 1] of two links that are the same flange."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,7 +203,7 @@ def _only_tip(
     tips = {name: T for link in sixth for name, T in _fixed_to(link, joints, path)}
     names = list(tips) or sixth
     first = tips.get(names[0], np.eye(4))
-    same = [T for T in tips.values() if np.abs(T - first).max() < _SAME_POSE]
+    same = [T for T in tips.values() if np.abs(T - first).max() < ROUNDING]
     if len(sixth) == 1 and len(same) == len(tips):
         return names[0]
     raise CellError(

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import FloatArray
+from postproc.arrays import TINY, FloatArray
 from postproc.krl.rules.part import Part, number, position_of
 from postproc.krl.rules.subject import ERROR, WARNING, Subject
 from postproc.krl.text import Statement
 
 _LARGEST = 50_000.0
 """Radius [mm] from which on a circle is a straight line badly written."""
-_FLAT = 1e-6
 
 
 def circles(subject: Subject) -> None:
@@ -39,7 +38,7 @@ def _circle(subject: Subject, part: Part, place: int, start: FloatArray) -> None
     end = part.positions[place]
     if not np.isfinite(np.concatenate([middle, end])).all():
         return
-    if np.linalg.norm(end - middle) < _FLAT:
+    if np.linalg.norm(end - middle) < TINY:
         subject.add(24, ERROR, part.path, line, "auxiliary point and end are the same")
     elif np.isfinite(start).all():
         _three_points(subject, part, line, start, middle, end)
@@ -51,7 +50,7 @@ def _three_points(
     a, b = middle - start, end - start
     area = float(np.linalg.norm(np.cross(a, b)))
     sides = [float(np.linalg.norm(v)) for v in (a, b, b - a)]
-    if min(sides[:2]) < _FLAT:
+    if min(sides[:2]) < TINY:
         message = "the start is the auxiliary point or the end: no circle through them"
         subject.add(24, ERROR, part.path, line, message, hint="two arcs, or CA 360")
     elif area < 1e-6 * sides[0] * sides[1]:

@@ -11,7 +11,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray, IntArray, least_by
+from postproc.arrays import TINY, BoolArray, FloatArray, IndexArray, IntArray, least_by
 from postproc.cell import Cell
 from postproc.collision import Scene
 from postproc.kinematics import build, wrist_distance
@@ -19,7 +19,6 @@ from postproc.model import MoveRole, Plan
 from postproc.process import in_the_cut, repeated_tags, repeats
 from postproc.units import DEG
 
-_SAME_PLACE = 1e-6
 _WORKING = (MoveRole.CUT, MoveRole.PLUNGE)
 
 NEAR = 5.0 * DEG
@@ -61,7 +60,7 @@ def moves_of_tags(plan: Plan) -> IndexArray:
     last = np.full(len(plan.toolpath), -1)
     rows = np.flatnonzero(plan.tag >= 0)
     off = plan.T_base_tcp[rows, :3, 3] - plan.toolpath.points[plan.tag[rows]]
-    near = np.argsort(-np.round(np.linalg.norm(off, axis=1) / _SAME_PLACE), kind="stable")
+    near = np.argsort(-np.round(np.linalg.norm(off, axis=1) / TINY), kind="stable")
     working = np.isin(plan.role[rows], _WORKING)
     for some in (rows[near], rows[working]):
         last[plan.tag[some]] = some

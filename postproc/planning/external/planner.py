@@ -79,10 +79,10 @@ def plan_with_external_axes(
     runs = carried_where_better(places, runs, planned)
     plans = [planned(run) for run in runs]
     result = joined(toolpath, cell, runs, plans, make_checker)
-    return replace(result, findings=_told(result, places, runs, reach))
+    return replace(result, findings=_findings_of(result, places, runs, reach))
 
 
-def _told(
+def _findings_of(
     result: Plan, places: Positions, runs: list[Run], reach: BoolArray
 ) -> tuple[Finding, ...]:
     """Return the findings: cuts that run with moving axes, and why others cannot be run.

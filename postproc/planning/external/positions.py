@@ -214,14 +214,14 @@ class Positions:
                 self._stand(unit)
                 ways[unit] = True
         self.refusals.update([*seen, *((unit, -1) for unit in ways)])
-        hopeless = {
+        infeasible = {
             unit
             for unit, tag in seen
             if self.may_be_cut_moving(unit)
             and self.refusals[unit, tag] == self.refusals[unit, -1] >= _MOST_REFUSED
         }
-        hopeless |= set(self.rating.walled)
-        return any(way for unit, way in ways.items() if unit not in hopeless)
+        infeasible |= set(self.rating.walled)
+        return any(way for unit, way in ways.items() if unit not in infeasible)
 
     def _left(self, unit: int) -> BoolArray:
         """Return (g,) the positions at which a unit may still be done held."""

@@ -31,10 +31,9 @@ from postproc.planning.states import (
 )
 from postproc.progress import Progress
 from postproc.records import dataclass
-from postproc.units import DEG, N_PER_MM
+from postproc.units import DEG, N_PER_MM, TURN
 
 _CHUNK = 200
-_FULL_TURN = 2.0 * np.pi
 
 
 class SpinClass(IntEnum):
@@ -141,7 +140,7 @@ def spin_map(result: Plan, cell: Cell, progress: Progress | None = None) -> Spin
         R_base_tcp = result.T_base_tcp[moves[served], :3, :3]
         chosen[served] = _spin_of(checker.problem.placement, served - first, R_base_tcp)
     middle = 0.5 * float(settings.spins[0] + settings.spins[-1])
-    chosen = chosen - _FULL_TURN * np.round((chosen - middle) / _FULL_TURN)
+    chosen = chosen - TURN * np.round((chosen - middle) / TURN)
     return SpinMap(result, settings.spins, classes, stiffness, chosen, grades(result, cell))
 
 

@@ -9,13 +9,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from postproc.arrays import BoolArray, FloatArray, stepped
+from postproc.arrays import ROUNDING, BoolArray, FloatArray, stepped
 from postproc.model import BLEND_SHARE, LEAST_BLEND, MoveKind, MoveRole
 from postproc.planning.route.drill import ARRIVE, DOWN, LEAVE
 from postproc.planning.states import Moves, Problem
 
 _EXACT = frozenset({MoveRole.ENTRY, MoveRole.PLUNGE, MoveRole.LIFT})
-_SHORT = 1e-9
 _RUN = 12
 """A longer distance is worth a line of text if so many corners in a row may have it."""
 _SHARE = 0.5
@@ -65,7 +64,7 @@ def _turns_back(table: Moves) -> BoolArray:
     cosine = np.einsum("ij,ij->i", end[:-1], begin[1:])
     back = cosine < -0.5 * size[:-1] * np.linalg.norm(begin[1:], axis=1)
     path = table.kind != MoveKind.PTP
-    return np.asarray(back & path[:-1] & path[1:] & (size[:-1] > _SHORT))
+    return np.asarray(back & path[:-1] & path[1:] & (size[:-1] > ROUNDING))
 
 
 def headings(table: Moves) -> tuple[FloatArray, FloatArray]:

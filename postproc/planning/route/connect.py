@@ -38,7 +38,7 @@ _LOOKS = 3
 """... the best so many of what seems to be free."""
 _OFFERED = 64
 """Known ways are offered to connections at once up to so many pairs of them."""
-_HOPELESS = 5
+_OFTEN_FAILED = 5
 """After so many trees that found no way ..."""
 _FEW = 6
 """... the next ones grow no more often than this."""
@@ -263,7 +263,7 @@ def _by_trees(
     failures = 0
     while len(rows) and failures < give_up:
         row, rows = int(rows[0]), rows[1:]
-        rounds = patience if failures < _HOPELESS else _FEW
+        rounds = patience if failures < _OFTEN_FAILED else _FEW
         place = ends.external[row]
         way = rrt_connect(checker, ends.q_from[row], ends.q_to[row], place, rounds)
         if way is None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import FloatArray, IndexArray, numbered
+from postproc.arrays import TINY, FloatArray, IndexArray, numbered
 from postproc.cell import ArcMotion
 from postproc.errors import PlanError
 from postproc.geometry import angle_between, arc_points, arc_poses
@@ -17,8 +17,6 @@ from postproc.units import DEG
 LARGEST_CIRC = 120.0 * DEG
 """A longer arc is split: the aux point fixes a circle well only when it is far from both ends."""
 _CUT = 200
-_FLAT = 1e-6
-_SAME_AXIS = 1e-6
 MOST_PIECES = 1_000_000
 """Arcs of a program are cut into no more pieces than this in all."""
 _SMALLEST = 1e-4
@@ -77,7 +75,7 @@ def _arcs(
     rise = np.abs(np.einsum("ij,ij->i", end[:, :3, 3] - start[:, :3, 3], normal))
     axis = problem.placement.axis_base
     turned = angle_between(axis(tags - 1), axis(tags))
-    circular = (rise < _FLAT) & (turned < _SAME_AXIS) & (problem.cell.motion.arcs is ArcMotion.CIRC)
+    circular = (rise < TINY) & (turned < TINY) & (problem.cell.motion.arcs is ArcMotion.CIRC)
     chord = 2.0 * np.arccos(np.clip(1.0 - problem.cell.motion.chord / radius, -1.0, 1.0))
     widest = np.where(circular, LARGEST_CIRC, np.clip(chord, _SMALLEST, LARGEST_CIRC))
     tilts = tuple(problem.placement.tilts(at, chosen.attitude[at]) for at in (tags - 1, tags))

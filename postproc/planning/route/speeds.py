@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.arrays import ROUNDING, BoolArray, FloatArray, IndexArray
 from postproc.errors import Finding, Severity
 from postproc.geometry import rotation_angle
 from postproc.model import MoveKind, MoveRole
@@ -39,7 +39,6 @@ from postproc.units import MM_PER_MIN
 
 SLOWEST = 1e-5
 """Path speed [m/s] below which a cut is not possible: 0.6 mm/min."""
-_SHORT = 1e-9
 ON_THE_SPOT = 1e-5
 """On a way [m] as short as this the speed of the orientation counts: what program text rounds
 would shift the one of the path."""
@@ -179,12 +178,12 @@ def _caps(problem: Problem, lines: Lines, track: Track) -> tuple[FloatArray, Flo
     places = np.hstack([track.q, lines.external_at(track.row, track.share)])
     dq = np.diff(places, axis=0)[same]
     speed = AXIS_SHARE * _axis_speeds(problem)
-    np.minimum.at(cap, row, axis_speed_cap(dq, np.maximum(piece, _SHORT), speed))
-    cap[lines.length <= _SHORT] = np.inf
+    np.minimum.at(cap, row, axis_speed_cap(dq, np.maximum(piece, ROUNDING), speed))
+    cap[lines.length <= ROUNDING] = np.inf
     angle = rotation_angle(lines.T_from[:, :3, :3], lines.T_to[:, :3, :3])
     turning = np.full(len(lines), np.inf)
     np.minimum.at(turning, row, axis_speed_cap(dq, np.diff(track.share)[same] * angle[row], speed))
-    on_the_spot = (angle > _SHORT) & ((lines.length <= ON_THE_SPOT) | (cap < SLOWEST))
+    on_the_spot = (angle > ROUNDING) & ((lines.length <= ON_THE_SPOT) | (cap < SLOWEST))
     slow = on_the_spot & (turning < problem.cell.krl.orientation_speed)
     orientation[slow] = turning[slow]
     cap[on_the_spot] = np.inf

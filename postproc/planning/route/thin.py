@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray, numbered
+from postproc.arrays import TINY, BoolArray, FloatArray, IndexArray, numbered
 from postproc.geometry import angle_between, axis_angle, rotation_about, rotation_angle
 from postproc.model import MoveKind, MoveRole
 from postproc.planning.checks import Checker, Lines
@@ -42,7 +42,6 @@ COURSE_SHARE = 0.75
 ROLL = 1.0 * DEG
 """By so much [rad] the tool may be turned about its axis against the turn that was planned."""
 _WIDEST = 90.0 * DEG
-_SHORTEST = 1e-6
 _TOGETHER = 16
 
 
@@ -91,12 +90,12 @@ class Course:
         way = end[:, :3, 3] - start[:, :3, 3]
         square = np.einsum("ij,ij->i", way, way)
         here = self.T[row, :3, 3] - start[span, :3, 3]
-        reach = np.einsum("ij,ij->i", here, way[span]) / np.maximum(square, _SHORTEST**2)[span]
+        reach = np.einsum("ij,ij->i", here, way[span]) / np.maximum(square, TINY**2)[span]
         share = np.clip(reach, 0.0, 1.0)
         chord = np.linalg.norm(here - share[:, None] * way[span], axis=1)
         axis, angle = axis_angle(start[:, :3, :3], end[:, :3, :3])
         back = np.flatnonzero((np.diff(share) < 0.0) & (np.diff(span) == 0))
-        wrong = (square < _SHORTEST**2) | (angle > _WIDEST)
+        wrong = (square < TINY**2) | (angle > _WIDEST)
         wrong[span[back]] = True
         turned = start[span, :3, :3] @ rotation_about(axis[span], angle[span] * share)
         off = rotation_angle(turned, self.T[row, :3, :3])

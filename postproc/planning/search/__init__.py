@@ -2,7 +2,6 @@
 
 from postproc.planning.search.between import Interpolation, cubic, slopes
 from postproc.planning.search.edges import best_of
-from postproc.planning.search.growth import Growth
 from postproc.planning.search.keytags import (
     arc_length,
     dense_key_tags,
@@ -20,6 +19,7 @@ from postproc.planning.search.loss import (
     loss_report,
 )
 from postproc.planning.search.pose_search import PoseSearch, travel
+from postproc.planning.search.refinement import Refinement
 from postproc.planning.search.roll import main_spins, without_roll
 from postproc.planning.search.round_spins import between_round, on_round_spins
 from postproc.planning.search.rungs import (
@@ -27,7 +27,7 @@ from postproc.planning.search.rungs import (
     TIE_TRAVEL,
     WRIST,
     Parted,
-    Wish,
+    SearchOptions,
     changes_of,
     step_rules,
 )

@@ -13,11 +13,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray, numbered, taken
+from postproc.arrays import ROUNDING, BoolArray, FloatArray, IndexArray, numbered, taken
 from postproc.geometry import angle_between
 from postproc.planning.checks import LARGEST_TURN, Lines, Reason, poses_between
 from postproc.planning.search.keytags import arc_length
-from postproc.planning.search.leaning import as_arcs
+from postproc.planning.search.tilt_steps import as_arcs
 from postproc.planning.states import (
     Placement,
     Problem,
@@ -27,11 +27,7 @@ from postproc.planning.states import (
     spin_values,
 )
 from postproc.records import dataclass
-from postproc.units import DEG
-
-_FULL_TURN = 2.0 * np.pi
-_TURNED = 1e-9
-"""From such a change of its rotation on a positioner turns the work along a path."""
+from postproc.units import DEG, TURN
 
 _LONG = 0.5
 """Only longer motions [m] are looked at on their way: both ends of others tell as much."""
@@ -56,7 +52,7 @@ def carried_twist(placement: Placement) -> FloatArray:
     first, _ = cross_axes(placement.tool_axis)
     cross = placement.R_base_tcp @ first
     R_robroot_base = placement.base(placement.external)[..., :3, :3]
-    if R_robroot_base.ndim == 3 and np.ptp(R_robroot_base, axis=0).max(initial=0.0) > _TURNED:
+    if R_robroot_base.ndim == 3 and np.ptp(R_robroot_base, axis=0).max(initial=0.0) > ROUNDING:
         axis = np.einsum("nij,nj->ni", R_robroot_base, axis)
         cross = np.einsum("nij,nj->ni", R_robroot_base, cross)
     k = np.cross(axis[:-1], axis[1:])
@@ -86,7 +82,7 @@ class Interpolation:
     """How attitudes run between key tags.
 
     ``way`` (n,) [m]: length of the path; ``carried`` (n,) [rad]: twist at spin 0; ``may_tilt``,
-    ``is_cut`` (n,): tags that may tilt, that are entered by a cut; ``hopeless`` (n,): the
+    ``is_cut`` (n,): tags that may tilt, that are entered by a cut; ``infeasible`` (n,): the
     ``Reason`` why no pose can run that cut, or none.
     """
 
@@ -94,7 +90,7 @@ class Interpolation:
     carried: FloatArray
     may_tilt: BoolArray
     is_cut: BoolArray
-    hopeless: IndexArray
+    infeasible: IndexArray
 
     @classmethod
     def of(cls, problem: Problem) -> Interpolation:
@@ -102,7 +98,7 @@ class Interpolation:
         place = problem.placement
         is_cut = cut_into(problem.toolpath)
         way = arc_length(problem.toolpath)
-        return cls(way, carried_twist(place), place.may_tilt, is_cut, hopeless(problem, way))
+        return cls(way, carried_twist(place), place.may_tilt, is_cut, infeasible(problem, way))
 
     def rows(self, first: IndexArray, last: IndexArray) -> Rows:
         """Return the tags behind ``first`` (m,) up to ``last`` (m,) of every span."""
@@ -129,7 +125,7 @@ class Interpolation:
         """
         start, end = ends[0][:, 0] + self.carried[tags[0]], ends[1][:, 0] + self.carried[tags[1]]
         turn = end - start
-        turn -= _FULL_TURN * np.round(turn / _FULL_TURN)
+        turn -= TURN * np.round(turn / TURN)
         spin = (start[rows.span] - self.carried[rows.tag]) + rows.share * turn[rows.span]
         way = taken((ends[1] - ends[0])[:, 1:], rows.span)
         tilt = taken(ends[0][:, 1:], rows.span) + rows.share[:, None] * way
@@ -185,7 +181,7 @@ def cubic(share: FloatArray, length: FloatArray, ends: tuple[FloatArray, ...]) -
     )
 
 
-def hopeless(problem: Problem, way: FloatArray) -> IndexArray:
+def infeasible(problem: Problem, way: FloatArray) -> IndexArray:
     """Return the ``Reason`` (n,) for which no cut leads to a tag from the one before, or none.
 
     The tool axis turns by more than one motion can, or somewhere on the way the arm reaches no

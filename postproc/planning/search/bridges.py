@@ -18,12 +18,12 @@ from postproc.arrays import BoolArray, FloatArray, IndexArray, members, taken
 from postproc.ladder import NONE, Joined
 from postproc.planning.states import BRANCHES, States
 from postproc.records import dataclass
+from postproc.units import TURN
 
 NEAR = 0.5 * np.pi
 """States of spins beside each other, and of the same spin at successive tags, follow each other if
 no joint moves more [rad]."""
 Joints = NDArray[np.float32]
-_FULL_TURN = 2.0 * np.pi
 _SAME_BRANCH = np.eye(BRANCHES, dtype=np.bool_)
 _OUT = 0
 """Class of the states that are out."""
@@ -103,7 +103,7 @@ class Bridges:
             return None
         twist = self.states.spin_of(now) + self.carried[i] - self.carried[i - 1]
         turn = twist[:, None] - self.states.spin_of(before)[None]
-        turn -= _FULL_TURN * np.round(turn / _FULL_TURN)
+        turn -= TURN * np.round(turn / TURN)
         return np.asarray(np.abs(turn) > self.turn[i])
 
     def is_lasting(self, i: int) -> bool:

@@ -14,13 +14,13 @@ from postproc.arrays import BoolArray, FloatArray, IndexArray, Table, taken
 from postproc.planning.checks import Checker, Lines, Reason
 from postproc.planning.route import is_too_fast
 from postproc.planning.search.between import Interpolation, Rows
-from postproc.planning.search.leaning import as_arcs, leans_too_far
+from postproc.planning.search.tilt_steps import as_arcs, exceeds_tilt
 from postproc.planning.states import Chosen, Problem
 from postproc.records import dataclass
+from postproc.units import TURN
 
 _ROWS = 16384
 """So many tags are judged at once."""
-_FULL_TURN = 2.0 * np.pi
 _SAME = 0.1
 """Joints [rad] that differ by less at the end of a span are those of its end."""
 
@@ -133,7 +133,7 @@ def _near_line(spans: Spans, rows: Rows, q: FloatArray) -> FloatArray:
     """Return joints (k, 6) turned to be near to the straight joint motion of their span."""
     line = spans.q_first[rows.span]
     line = line + rows.share[:, None] * (spans.q_last[rows.span] - line)
-    return np.asarray(q + _FULL_TURN * np.round((line - q) / _FULL_TURN))
+    return np.asarray(q + TURN * np.round((line - q) / TURN))
 
 
 def fill(problem: Problem, between: Interpolation, spans: Spans, chosen: Chosen) -> None:
@@ -172,9 +172,9 @@ def _refuse(reason: IndexArray, rows: IndexArray | BoolArray, why: Reason) -> No
 def _in_range(problem: Problem, rows: Rows, attitude: FloatArray) -> BoolArray:
     """Return (k,) whether the spin of the tags inside spans is one that the cell allows."""
     low, high = problem.cell.optimize.range
-    if high - low >= _FULL_TURN - 1e-9:
+    if high - low >= TURN - 1e-9:
         return np.ones(len(rows.tag), dtype=np.bool_)
-    spin = low + np.mod(attitude[:, 0] - low + 1e-6, _FULL_TURN) - 1e-6
+    spin = low + np.mod(attitude[:, 0] - low + 1e-6, TURN) - 1e-6
     return np.asarray((spin <= high + 1e-6) | (rows.share == 1.0))
 
 
@@ -193,12 +193,12 @@ def _followed(rows: Rows, q: FloatArray, reached: BoolArray, q_first: FloatArray
     none = np.append(-1, last[:-1]) < start_of
     before[none] = q_first[rows.span[none]]
     step = q - before
-    step -= _FULL_TURN * np.round(step / _FULL_TURN)
+    step -= TURN * np.round(step / TURN)
     step[~reached] = 0.0
     total = np.cumsum(step, axis=0)
     base = taken(np.vstack([np.zeros((1, 6)), total]), start_of)
     near: FloatArray = taken(q_first, rows.span) + total - base
-    return np.where(reached[:, None], q + _FULL_TURN * np.round((near - q) / _FULL_TURN), near)
+    return np.where(reached[:, None], q + TURN * np.round((near - q) / TURN), near)
 
 
 def _check_motions(
@@ -231,7 +231,7 @@ def _check_motions(
     as_arcs(checker.problem, tags[1], lines)
     place, ends = checker.problem.placement, (a_from, judged.attitude[open_])
     tilts = place.tilts(tags[0], ends[0]), place.tilts(tags[1], ends[1])
-    leaves = leans_too_far(checker.problem, tags[1], tilts, lines)
+    leaves = exceeds_tilt(checker.problem, tags[1], tilts, lines)
     verdict, track = checker.lines(lines, span)
     # As for a turn that could go either way round: the tool cannot turn so on this way.
     verdict.refuse(np.flatnonzero(leaves), Reason.SINGULAR)

@@ -82,7 +82,7 @@ class FailingCuts:
 
 
 @dataclass(slots=True)
-class _Fan:
+class _Suspects:
     """Steps (k, 2) to a tag still to be looked at, and how many of them all along."""
 
     tag: int
@@ -90,7 +90,7 @@ class _Fan:
     left: int
 
 
-def fan(search: PoseSearch, steps: Steps, failing_of: Failing) -> Steps:
+def also_failing(search: PoseSearch, steps: Steps, failing_of: Failing) -> Steps:
     """Return further steps that fail where some do.
 
     Of those that leave or enter the same states; where steps into a tag failed before, of those
@@ -99,36 +99,36 @@ def fan(search: PoseSearch, steps: Steps, failing_of: Failing) -> Steps:
     with a cut over tags between: it costs too much.
     """
     known: Steps = []
-    fans: list[_Fan] = []
+    suspects: list[_Suspects] = []
     for a, b in steps:
         rung = int(search.states.tag_of(np.array([b]))[0])
         tag = int(search.tags[rung])
         if tag - search.tags[rung - 1] > 1:
             continue
-        search.fanned[tag] = search.fanned.get(tag, 0) + 1
-        if search.fanned[tag] == 1:
+        search.failed_into[tag] = search.failed_into.get(tag, 0) + 1
+        if search.failed_into[tag] == 1:
             pairs = _beside(search, rung, a, b)
-        elif search.fanned[tag] == 2 or search.fanned[tag] % _OFTEN == 0:
+        elif search.failed_into[tag] == 2 or search.failed_into[tag] % _OFTEN == 0:
             pairs = search.ladder.cheapest(rung, _MANY + len(search.looked_at.get(tag, ())))
         else:
             pairs = _alike(search, rung, a, b)
         pairs = pairs[~np.isin(_codes(search, pairs), search.looked_at.get(tag, ()))]
         length = float(np.diff(search.between.way[[tag - 1, tag]])[0])
         count = int(min(_MANY, max(_LEAST, _SWEPT / max(length, 1e-6))))
-        fans.append(_Fan(tag, pairs[:_MANY], count))
+        suspects.append(_Suspects(tag, pairs[:_MANY], count))
     size = _LEAST
-    while fans := [one for one in fans if len(one.pairs) and one.left]:
-        known += _look(search, fans, size, failing_of)
+    while suspects := [one for one in suspects if len(one.pairs) and one.left]:
+        known += _look(search, suspects, size, failing_of)
         size *= 2
     return known
 
 
-def _look(search: PoseSearch, fans: list[_Fan], size: int, failing_of: Failing) -> Steps:
+def _look(search: PoseSearch, suspects: list[_Suspects], size: int, failing_of: Failing) -> Steps:
     """Look at the first steps of each, in place; return those that fail.
 
     What most of them pass is not looked at any more.
     """
-    parts = [one.pairs[:size] for one in fans]
+    parts = [one.pairs[:size] for one in suspects]
     some = np.concatenate(parts)
     joints = replace(search.checker, scene=None)
     spans = search.spans(some[:, 0], some[:, 1])
@@ -137,10 +137,10 @@ def _look(search: PoseSearch, fans: list[_Fan], size: int, failing_of: Failing) 
     failing = _as_steps(some[~good])
     open_ = [
         part[fine][: one.left]
-        for one, part, fine in zip(fans, parts, np.split(good, ends), strict=True)
+        for one, part, fine in zip(suspects, parts, np.split(good, ends), strict=True)
     ]
     bad = {*failing, *failing_of(sorted(set(_as_steps(np.concatenate(open_)))))}
-    for one, part, tried in zip(fans, parts, open_, strict=True):
+    for one, part, tried in zip(suspects, parts, open_, strict=True):
         fails = np.array([step in bad for step in _as_steps(part)])
         _note(search, one.tag, part)
         one.left -= len(tried)
@@ -203,8 +203,8 @@ def _inside(first: int, last: int, bad: IndexArray) -> set[int]:
     """Return some of the tags (k,) at which a span fails, or tags beside them."""
     if last - first <= _ALL:
         return set(range(first + 1, last))
-    wish = {int(bad[0]) - 1, int(bad[0]), int(bad[len(bad) // 2]), int(bad[-1])}
-    return {at for at in wish if first < at < last} or {(first + last) // 2}
+    some = {int(bad[0]) - 1, int(bad[0]), int(bad[len(bad) // 2]), int(bad[-1])}
+    return {at for at in some if first < at < last} or {(first + last) // 2}
 
 
 def break_at(search: PoseSearch, row: int) -> Break:
@@ -215,7 +215,7 @@ def break_at(search: PoseSearch, row: int) -> Break:
     before = before[np.unique(np.linspace(0, len(before) - 1, _MOST).astype(np.int64))]
     m = len(before)
     on_the_way = np.arange(int(search.tags[row - 1]) + 1, int(search.tags[row]) + 1)
-    why = Reason(int(search.between.hopeless[on_the_way].max()))
+    why = Reason(int(search.between.infeasible[on_the_way].max()))
     if m and why is not Reason.NONE:  # such a way may be endless
         return Break(m, {why: m}, -1, 0.0, 0, 0.0)
     first, last = (np.full(m, int(search.tags[at])) for at in (row - 1, row))
@@ -229,10 +229,10 @@ def break_at(search: PoseSearch, row: int) -> Break:
     T, external = problem.placement.tcp(last, onward), problem.placement.external[last]
     q_last, _ = problem.solve(T, external, branch, q)
     spans = Spans(first, last, attitude, onward, q, q_last, branch)
-    return _told(search, judge(search.checker, search.between, spans), m)
+    return _break_of(search, judge(search.checker, search.between, spans), m)
 
 
-def _told(search: PoseSearch, judged: Judged, count: int) -> Break:
+def _break_of(search: PoseSearch, judged: Judged, count: int) -> Break:
     bad = np.flatnonzero(judged.reason != Reason.NONE)
     bad = bad[np.unique(judged.rows.span[bad], return_index=True)[1]]
     reason, pairs = judged.reason[bad], judged.pair[bad]

@@ -18,7 +18,7 @@ from postproc.planning.checks import Checker
 from postproc.planning.search.between import Interpolation
 from postproc.planning.search.edges import Edges
 from postproc.planning.search.pose_search import PoseSearch
-from postproc.planning.search.rungs import Window, Wish, yardstick
+from postproc.planning.search.rungs import SearchOptions, Window, yardstick
 
 LAP = 12_000
 """Tags of a lap: about 300 MB. Shorter jobs are searched whole."""
@@ -27,27 +27,34 @@ AHEAD = 500
 
 
 def searched(
-    checker: Checker, tags: IndexArray, wish: Wish | None, between: Interpolation
+    checker: Checker, tags: IndexArray, options: SearchOptions | None, between: Interpolation
 ) -> PoseSearch:
     """Return the search over key tags (n,), of a long job the one over what its laps chose.
 
     Arguments as of ``PoseSearch.of``.
     """
-    wish = wish or Wish()
-    by_laps = _is_long(checker, tags, wish, between)
-    whole = _lapped(checker, tags, wish, between) if by_laps else None
-    return whole or PoseSearch.of(checker, tags, wish, between)
+    options = options or SearchOptions()
+    by_laps = _is_long(checker, tags, options, between)
+    whole = _lapped(checker, tags, options, between) if by_laps else None
+    return whole or PoseSearch.of(checker, tags, options, between)
 
 
-def _is_long(checker: Checker, tags: IndexArray, wish: Wish, between: Interpolation) -> bool:
+def _is_long(
+    checker: Checker, tags: IndexArray, options: SearchOptions, between: Interpolation
+) -> bool:
     problem = checker.problem
-    is_plain = wish.least is None and wish.stretch is None and not wish.steady and not wish.parted
+    is_plain = (
+        options.least is None
+        and options.stretch is None
+        and not options.steady
+        and not options.parted
+    )
     is_plain &= len(problem.tilts) == 1 and problem.cell.optimize.loss_bound is None
     return len(tags) > LAP + AHEAD and is_plain and not between.is_cut.any()
 
 
 def _lapped(
-    checker: Checker, tags: IndexArray, wish: Wish, between: Interpolation
+    checker: Checker, tags: IndexArray, options: SearchOptions, between: Interpolation
 ) -> PoseSearch | None:
     """Return the search over the poses that the laps chose; None where a tag has none."""
     n = len(checker.problem)
@@ -60,9 +67,9 @@ def _lapped(
     )
     edges = Edges.none(np.full(n, np.nan))
     for low in range(0, len(tags), LAP):
-        if not _took_lap(checker, tags, wish, between, low, own, edges):
+        if not _took_lap(checker, tags, options, between, low, own, edges):
             return None
-    whole = PoseSearch.of(checker, tags, replace(wish, window=own), between)
+    whole = PoseSearch.of(checker, tags, replace(options, window=own), between)
     if len(whole.states.q) != len(tags):
         return None
     whole.edges = Edges(*(getattr(edges, name)[tags] for name in Edges.__slots__))
@@ -83,7 +90,7 @@ def _begin_at(lap: PoseSearch, own: Window, tag: int) -> None:
 def _took_lap(
     checker: Checker,
     tags: IndexArray,
-    wish: Wish,
+    options: SearchOptions,
     between: Interpolation,
     low: int,
     own: Window,
@@ -92,7 +99,7 @@ def _took_lap(
     """Note in place what the lap from tag ``low`` on chose; return whether each tag has a pose."""
     first, high = max(low - 1, 0), min(low + LAP, len(tags))
     part = tags[first : high + AHEAD]
-    lap = PoseSearch.of(checker, part, wish, between)
+    lap = PoseSearch.of(checker, part, options, between)
     if first < low:
         _begin_at(lap, own, int(part[0]))
     path = lap.run().path
@@ -102,10 +109,10 @@ def _took_lap(
     at, kept = part[done], path[done]
     own.spins[at, 0], own.branch[at] = lap.states.spin_of(kept), lap.states.branch[kept]
     own.q[at] = lap.states.q[kept]
-    if wish.window is None:
+    if options.window is None:
         own.best[at] = yardstick(checker.problem, lap.states, lap.edges)[done]
     else:
-        own.best[at] = wish.window.best[at]
+        own.best[at] = options.window.best[at]
     for name in Edges.__slots__:
         getattr(edges, name)[at] = getattr(lap.edges, name)[done]
     return True

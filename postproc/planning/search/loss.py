@@ -13,7 +13,7 @@ from postproc.planning.checks import Checker
 from postproc.planning.search.between import Interpolation
 from postproc.planning.search.keytags import spaced
 from postproc.planning.search.pose_search import PoseSearch
-from postproc.planning.search.rungs import Wish
+from postproc.planning.search.rungs import SearchOptions
 from postproc.planning.states import Chosen, Problem, Weights, evaluate
 from postproc.records import dataclass
 
@@ -45,7 +45,7 @@ def best_index(checker: Checker, between: Interpolation) -> FloatArray:
         checker, problem=replace(problem, settings=replace(problem.settings, weights=alone))
     )
     tags = np.flatnonzero(spaced(between.way, between.is_cut, _SPACING))
-    search = PoseSearch.of(checker, tags, Wish(each=True), between)
+    search = PoseSearch.of(checker, tags, SearchOptions(each=True), between)
     search.ladder.rule[:] = Rule.FREE
     path = search.run(steps=False).path
     good = path != NONE

@@ -16,11 +16,11 @@ from postproc.planning.search.between import Interpolation
 from postproc.planning.search.bridges import Bridges
 from postproc.planning.search.cuts import Spans, fill, judge
 from postproc.planning.search.edges import Edges
-from postproc.planning.search.failing import SHORT, FailingCuts, break_at, fan
+from postproc.planning.search.failing import SHORT, FailingCuts, also_failing, break_at
 from postproc.planning.search.rungs import (
     STUCK,
     Parted,
-    Wish,
+    SearchOptions,
     beside,
     bridges_of,
     ladder_of,
@@ -49,13 +49,13 @@ class PoseSearch:
     spins a tag has; ``edges``: the stiffest pose of each tag; ``passed`` (N,): the state before
     from which the step into a state was found good; ``free`` (N,): whether the first turn copy of a
     configuration stands for one found free of collision, its stroke as well; ``failing``: what
-    became of cuts that failed between key tags. ``fanned``: how often steps into a tag failed;
+    became of cuts that failed between key tags. ``failed_into``: how often steps into a tag failed;
     ``looked_at``: numbers of those that were looked at along with them.
     """
 
     checker: Checker
     between: Interpolation
-    wish: Wish
+    options: SearchOptions
     tags: IndexArray
     stride: IndexArray
     states: States
@@ -73,10 +73,10 @@ class PoseSearch:
     passed: AnyIntArray
     out: BoolArray
     failures: IndexArray
-    hasty: BoolArray
+    fast_turns: BoolArray
     failing: FailingCuts
     cells: IndexArray | None = None
-    fanned: dict[int, int] = field(default_factory=dict)
+    failed_into: dict[int, int] = field(default_factory=dict)
     looked_at: dict[int, IndexArray] = field(default_factory=dict)
 
     @classmethod
@@ -84,7 +84,7 @@ class PoseSearch:
         cls,
         checker: Checker,
         tags: IndexArray,
-        wish: Wish | None = None,
+        options: SearchOptions | None = None,
         between: Interpolation | None = None,
     ) -> PoseSearch:
         """Return the search over key tags (n,), rising.
@@ -92,22 +92,22 @@ class PoseSearch:
         Args:
             checker: of the problem.
             tags: (n,).
-            wish: what it is for; None: the best sequence of all.
+            options: what it is for; None: the best sequence of all.
             between: how attitudes run between key tags; None: as ``Interpolation.of``.
         """
-        wish = wish or Wish()
+        options = options or SearchOptions()
         problem = checker.problem
         between = between or Interpolation.of(problem)
         stride = np.full(len(tags), problem.fine)
-        states, pinned, edges = states_on(problem, tags, stride, wish)
-        ladder, weight, share = ladder_of(problem, between, tags, states, wish)
-        hasty = np.zeros(len(tags), dtype=np.bool_)
-        bridges = bridges_of(problem, between, tags, states, stride, pinned, hasty, ladder)
+        states, pinned, edges = states_on(problem, tags, stride, options)
+        ladder, weight, share = ladder_of(problem, between, tags, states, options)
+        fast_turns = np.zeros(len(tags), dtype=np.bool_)
+        bridges = bridges_of(problem, between, tags, states, stride, pinned, fast_turns, ladder)
         n, size = len(tags), len(states.q)
         return cls(
             checker,
             between,
-            wish,
+            options,
             tags,
             stride,
             states,
@@ -125,14 +125,14 @@ class PoseSearch:
             passed=np.full(size, NONE, dtype=np.int32),
             out=np.zeros(size, dtype=np.bool_),
             failures=np.zeros(n, dtype=np.int64),
-            hasty=hasty,
-            failing=FailingCuts(between, SHORT if wish.stretch is None else 0.0),
+            fast_turns=fast_turns,
+            failing=FailingCuts(between, SHORT if options.stretch is None else 0.0),
         )
 
     def grow(self, tags: IndexArray, stride: IndexArray) -> None:
         """Take more key tags (m,), or those known on a finer grid of spins; keep what is known."""
         problem = self.checker.problem
-        states, pinned, edges = states_on(problem, tags, stride, self.wish)
+        states, pinned, edges = states_on(problem, tags, stride, self.options)
         join = merged(self.states, self.tags, states, tags)
         known, kept = (self.ladder, self.bridges), np.isin(self.tags, tags, invert=True)
         rung = np.where(join.is_new, NONE, np.searchsorted(self.tags, join.tags))
@@ -153,12 +153,12 @@ class PoseSearch:
         self.looked_at = {}
         self.stride, self.pinned = by_tag(self.stride, stride), by_tag(self.pinned, pinned)
         self.edges = self.edges.merged(edges, by_tag)
-        self.failures, self.hasty = by_tag(self.failures, 0), by_tag(self.hasty, False)
+        self.failures, self.fast_turns = by_tag(self.failures, 0), by_tag(self.fast_turns, False)
         self.reason, self.pair = by_state(self.reason, 0), by_state(self.pair, NONE)
         self.seen, self.out = by_state(self.seen, False), by_state(self.out, False)
         self.checked, self.free = by_state(self.checked, False), by_state(self.free, False)
         self.passed = moved[by_state(self.passed, NONE)].astype(np.int32)
-        parts = ladder_of(problem, self.between, self.tags, self.states, self.wish)
+        parts = ladder_of(problem, self.between, self.tags, self.states, self.options)
         self.ladder, self.weight, self.share = parts
         self.ladder.cost[self.out] = np.inf
         self.bridges = bridges_of(
@@ -168,7 +168,7 @@ class PoseSearch:
             self.states,
             self.stride,
             self.pinned,
-            self.hasty,
+            self.fast_turns,
             self.ladder,
         )
         self.bridges.take_over(known[1], moved, rung)
@@ -177,32 +177,32 @@ class PoseSearch:
 
     def keep(self, bits: int) -> None:
         """Let the arm change bits of its branch between tags only where nothing else can be run."""
-        self._wish_anew(replace(self.wish, steady=self.wish.steady | bits))
+        self._restart_with(replace(self.options, steady=self.options.steady | bits))
 
     def keep_spin(self, main: FloatArray) -> None:
         """Let cuts roll the tool off main spins (N,) [rad] of the tags only where that pays."""
-        self._wish_anew(replace(self.wish, main=main))
+        self._restart_with(replace(self.options, main=main))
 
     def part(self, gaps: list[Parted]) -> bool:
         """Lead no step from near one side of gaps to near the other, where others can be run.
 
         Return whether that says more than is known.
         """
-        known = list(self.wish.parted)
+        known = list(self.options.parted)
         for gap in gaps:
             ends = np.stack([gap.before[0], gap.behind[0]])
             axes = ends.shape[1]
             near = [beside(other, ends) for other in known if other.before.shape[1] <= axes]
             if not any((n[0] & n[1, ::-1]).any() for n in near):
                 known.append(gap)
-        if len(known) == len(self.wish.parted):
+        if len(known) == len(self.options.parted):
             return False
-        self._wish_anew(replace(self.wish, parted=tuple(known)))
+        self._restart_with(replace(self.options, parted=tuple(known)))
         return True
 
-    def _wish_anew(self, wish: Wish) -> None:
-        self.wish, known = wish, self.ladder
-        parts = ladder_of(self.checker.problem, self.between, self.tags, self.states, self.wish)
+    def _restart_with(self, options: SearchOptions) -> None:
+        self.options, known = options, self.ladder
+        parts = ladder_of(self.checker.problem, self.between, self.tags, self.states, self.options)
         self.ladder, self.weight, self.share = parts
         self.ladder.cost[self.out] = np.inf
         self.ladder.joins = known.joins
@@ -227,20 +227,20 @@ class PoseSearch:
             self.check_states,
             check_steps,
             self.beside,
-            partial(fan, self),
+            partial(also_failing, self),
             lambda: bool(self.wanted),
         )
         self.out |= ~np.isfinite(self.ladder.cost) & np.isfinite(self.states.cost)
         return found
 
-    def may_hurry(self, found: Found) -> bool:
+    def allow_fast_turns(self, found: Found) -> bool:
         """Let cuts without a way turn the tool as fast as it takes; return whether that is new."""
         chain = np.cumsum(~self.between.is_cut)[self.tags]
-        rungs = np.isin(chain, chain[self.broken(found)]) & ~self.hasty
+        rungs = np.isin(chain, chain[self.broken(found)]) & ~self.fast_turns
         rungs &= self.bridges.loose & (self.bridges.turn < np.pi)
         if self.wanted or not rungs.any():
             return False
-        self.hasty |= rungs
+        self.fast_turns |= rungs
         self.bridges.turn[rungs] = np.pi
         self.ladder.renew(np.flatnonzero(rungs))
         return True

@@ -18,7 +18,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray, runs
-from postproc.errors import Finding, Severity
+from postproc.errors import LISTED, Finding, Severity
 from postproc.geometry import twist_about
 from postproc.kinematics import wrapped
 from postproc.ladder import NONE, Found
@@ -27,15 +27,13 @@ from postproc.planning.checks import Checker, Lines, Reason, failure
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.search.rungs import STEADY_BAND, price_of_lack, tolls_of
 from postproc.planning.states import BRANCHES, Chosen, Placement, evaluate, strokes_into
-from postproc.units import DEG
+from postproc.units import DEG, TURN
 
 _SAME = 1e-7
 """Spins nearer than this [rad] are one."""
-_MOST_LINES = 12
 _OWN_SPINS, _PRICED = 8, 100
 """Of the spins that tags of a stroke have so many are tried, and so many of its tags are priced."""
 
-_FULL_TURN = 2.0 * np.pi
 _MAIN_STEP = 5.0 * DEG
 """The main spin is looked for in steps of this."""
 
@@ -103,8 +101,8 @@ def _noted(checker: Checker, rolling: list[tuple[float, int]]) -> list[Finding]:
     if not rolling:
         return []
     toolpath, first = checker.problem.toolpath, rolling[0][1]
-    lines = ", ".join(str(int(toolpath.line[tag])) for _, tag in rolling[:_MOST_LINES])
-    more = f" and {len(rolling) - _MOST_LINES} more" if len(rolling) > _MOST_LINES else ""
+    lines = ", ".join(str(int(toolpath.line[tag])) for _, tag in rolling[:LISTED])
+    more = f" and {len(rolling) - LISTED} more" if len(rolling) > LISTED else ""
     most = max(roll for roll, _ in rolling) / DEG
     text = (
         f"the tool rolls by up to {most:{'.0f' if most > 10.0 else '.2g'}} deg while it goes "
@@ -181,8 +179,8 @@ def _price(
         return np.where(can_be_run, 0.0, np.inf)
     cost, index = evaluate(problem, rows, attitude[:, 0], T, q)
     cost += problem.settings.weights.price(1.0 - index / best[rows])
-    if search.wish.least is not None:
-        cost += price_of_lack(index, search.wish.least[rows])
+    if search.options.least is not None:
+        cost += price_of_lack(index, search.options.least[rows])
     at = np.searchsorted(search.tags, tags[keys])
     price = search.share[at] @ cost.reshape(m, s)[keys]
     rungs = np.concatenate([at[:1] - 1, at, at[-1:] + 1])
@@ -193,7 +191,7 @@ def _price(
     linked = chosen.good[stand[1:]] & chosen.good[stand[:-1]] & ~chosen.entry[stand[1:]]
     ends = (side.reshape(-1, 6) for side in (stops[:-1], stops[1:]))
     steps = search.weight[rungs[1:], None] * (np.diff(stops, axis=0) ** 2).sum(axis=2)
-    steps += tolls_of(problem, search.wish.parted, *ends).reshape(-1, s)
+    steps += tolls_of(problem, search.options.parted, *ends).reshape(-1, s)
     price += steps[linked].sum(axis=0)
     return np.where(can_be_run, price, np.inf)
 
@@ -275,10 +273,10 @@ def main_spins(search: PoseSearch, found: Found) -> FloatArray | None:
         search: over key tags (n,).
         found: what it found.
     """
-    if search.wish.each:
+    if search.options.each:
         return None
     place, is_cut = search.checker.problem.placement, search.between.is_cut
-    known, is_new = search.wish.main, False
+    known, is_new = search.options.main, False
     main = np.full(len(place), np.nan) if known is None else known.copy()
     of_cut = is_cut | np.append(is_cut[1:], False)
     rows = np.flatnonzero((found.path != NONE) & of_cut[search.tags])
@@ -336,8 +334,8 @@ def _rotations(place: Placement, tags: IndexArray) -> FloatArray:
 
 def _range(roll: FloatArray) -> float:
     """Return the smallest range [rad] that holds all of some angles (m,)."""
-    around = np.sort(np.mod(roll, _FULL_TURN))
-    return _FULL_TURN - float(np.diff(around, append=around[0] + _FULL_TURN).max())
+    around = np.sort(np.mod(roll, TURN))
+    return TURN - float(np.diff(around, append=around[0] + TURN).max())
 
 
 def _middle(roll: FloatArray, weight: FloatArray) -> float:
@@ -345,7 +343,7 @@ def _middle(roll: FloatArray, weight: FloatArray) -> float:
 
     Those nearer to it count more: of two that hold as many the more central one is taken.
     """
-    angles = np.arange(0.0, _FULL_TURN, _MAIN_STEP)
+    angles = np.arange(0.0, TURN, _MAIN_STEP)
     off = np.abs(wrapped(roll - angles[:, None]))
     near = np.where(off <= STEADY_BAND, np.cos(off), 0.0)
     return float(angles[np.argmax(np.round(near @ weight, 9))])

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.arrays import TINY, BoolArray, FloatArray, IndexArray
 from postproc.errors import Finding, Severity
 from postproc.planning.search.between import Interpolation, cubic, slopes
 from postproc.planning.search.cuts import Spans, judge_rows
@@ -22,8 +22,6 @@ from postproc.planning.states import Chosen, Problem, entered_anew
 from postproc.process import feeds_of
 from postproc.units import PERCENT
 
-_SAME = 1e-6
-"""Shorter steps [rad or m] are none."""
 _TRIES = 3
 """So often cuts that fail on round spins are left on the grid, before all are."""
 
@@ -41,7 +39,7 @@ def on_round_spins(search: PoseSearch, chosen: Chosen, *, at_edges: bool) -> Cho
     if not chosen.good[tags].all() or broken[tags[1:]].any():
         return chosen
     best = np.full(len(problem), np.nan)
-    known = search.wish.window
+    known = search.options.window
     best[tags] = (
         yardstick(problem, search.states, search.edges) if known is None else known.best[tags]
     )
@@ -51,7 +49,7 @@ def on_round_spins(search: PoseSearch, chosen: Chosen, *, at_edges: bool) -> Cho
     edge[tags[alone]] = search.edges.spin[alone]
     window = Window.around(problem, chosen, best, edge if at_edges else None)
     for _ in range(_TRIES):
-        near = searched(search.checker, tags, replace(search.wish, window=window), between)
+        near = searched(search.checker, tags, replace(search.options, window=window), between)
         near.ladder.reach = _reach(near, chosen)
         moved = near.chosen(near.run())
         bad = np.union1d(np.flatnonzero(chosen.good & ~moved.good), sorted(near.wanted))
@@ -88,7 +86,7 @@ def _reach(near: PoseSearch, chosen: Chosen) -> FloatArray:
     known = np.abs(np.diff(chosen.q[tags], axis=0, prepend=chosen.q[tags][:1]))
     fast = seconds[:, None] * np.asarray(problem.cell.robot.qd_max)
     reach = np.full((len(tags), near.ladder.position.shape[1]), np.inf)
-    reach[:, :6] = np.maximum(fast, known + _SAME)
+    reach[:, :6] = np.maximum(fast, known + TINY)
     return reach if near.ladder.reach is None else np.minimum(reach, near.ladder.reach)
 
 
@@ -96,7 +94,7 @@ def _feed_times(problem: Problem, between: Interpolation, tags: IndexArray) -> F
     """Return how long (n,) the steps into tags take at the feed [s], infinite off cuts."""
     feed = feeds_of(problem.toolpath, problem.cell)[tags]
     step = np.diff(between.way[tags], prepend=between.way[tags[:1]])
-    timed = between.is_cut[tags] & np.isfinite(feed) & (step > _SAME)
+    timed = between.is_cut[tags] & np.isfinite(feed) & (step > TINY)
     return np.where(timed, step / np.where(timed, feed, 1.0), np.inf)
 
 

@@ -19,7 +19,7 @@ from postproc.planning.search.between import Interpolation
 from postproc.planning.search.bridges import Bridges
 from postproc.planning.search.edges import Edges, best_of, edges_of
 from postproc.planning.search.keytags import arc_length
-from postproc.planning.search.leaning import Leans
+from postproc.planning.search.tilt_steps import TiltSteps
 from postproc.planning.states import (
     BRANCHES,
     TRAVEL_UNIT,
@@ -147,7 +147,7 @@ class Window:
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class SearchOptions:
     """What a search is for.
 
     ``each``: every tag takes its own best state. Travel and spin only break ties, but inside a cut
@@ -215,15 +215,15 @@ def pinned_spins(problem: Problem, tags: IndexArray) -> tuple[FloatArray, IndexA
 
 
 def states_on(
-    problem: Problem, tags: IndexArray, stride: IndexArray, wish: Wish
+    problem: Problem, tags: IndexArray, stride: IndexArray, options: SearchOptions
 ) -> tuple[States, BoolArray, Edges]:
     """Return the states of tags (n,) on their grids of spins, which are pinned, the stiffest."""
     spins, pin = pinned_spins(problem, tags)
     pinned = pin != NONE
     states, edges, best = (
         _on_grid(problem, tags, spins, stride, pinned)
-        if wish.window is None
-        else _in_window(problem, tags, wish.window)
+        if options.window is None
+        else _in_window(problem, tags, options.window)
     )
     price = problem.settings.weights.price
     for low in range(0, len(tags), _AT_ONCE):
@@ -231,19 +231,19 @@ def states_on(
         part = slice(int(edge[0]), int(edge[-1]))
         of_state = np.repeat(best[low : low + _AT_ONCE], np.diff(edge))
         states.cost[part] += price(1.0 - states.index[part] / of_state)
-    if wish.least is not None:
+    if options.least is not None:
         owner = states.tag_of(np.arange(len(states.q)))
         free = ~pinned[owner]
-        states.cost[free] += price_of_lack(states.index[free], wish.least[tags][owner[free]])
+        states.cost[free] += price_of_lack(states.index[free], options.least[tags][owner[free]])
     states.cost[_stuck(problem, tags, states)] += STUCK
-    if pinned.any() and wish.window is None:
+    if pinned.any() and options.window is None:
         owner = states.tag_of(np.arange(len(states.q)))
         column = states.column % spins.shape[-1]
         states.cost[pinned[owner] & (column != pin[owner])] = np.inf
-    if wish.each:
+    if options.each:
         spin = states.spin_of(np.arange(len(states.q)))
         states.cost += _TIE_SPIN * (spin / TRAVEL_UNIT) ** 2
-    return states, pinned | (wish.window is not None), edges
+    return states, pinned | (options.window is not None), edges
 
 
 def _on_grid(
@@ -299,30 +299,34 @@ def _stuck(problem: Problem, tags: IndexArray, states: States) -> IndexArray:
 
 
 def ladder_of(
-    problem: Problem, between: Interpolation, tags: IndexArray, states: States, wish: Wish
+    problem: Problem,
+    between: Interpolation,
+    tags: IndexArray,
+    states: States,
+    options: SearchOptions,
 ) -> tuple[Ladder, FloatArray, FloatArray]:
     """Return the graph of the states of tags (n,), with the weights of steps and tags."""
     rule = step_rules(problem)[tags]
-    if wish.stretch is not None:
-        rule[1:] = np.where(np.diff(wish.stretch[tags]) == 0, Rule.CHAIN, Rule.FREE)
+    if options.stretch is not None:
+        rule[1:] = np.where(np.diff(options.stretch[tags]) == 0, Rule.CHAIN, Rule.FREE)
     travel = np.full(len(tags), problem.settings.weights.travel)
-    if wish.each:
-        travel = np.where(rule == Rule.CHAIN, wish.cut_travel, TIE_TRAVEL)
+    if options.each:
+        travel = np.where(rule == Rule.CHAIN, options.cut_travel, TIE_TRAVEL)
     weight, share = _scales(between, tags, travel)
     count = np.diff(states.offsets)
     cost = states.cost * np.repeat(share, count)
-    if wish.main is not None:
-        off = states.spin_of(np.arange(len(states.q))) - np.repeat(wish.main[tags], count)
+    if options.main is not None:
+        off = states.spin_of(np.arange(len(states.q))) - np.repeat(options.main[tags], count)
         rolls = np.abs(wrapped(off)) > STEADY_BAND
         cost[rolls] += ROLL_PRICE * np.repeat(share, count)[rolls]
     position = states.q
     change = _price_of_change(problem)
-    if wish.steady:  # more coordinates, equal for the same posture
+    if options.steady:  # more coordinates, equal for the same posture
         apart = np.sqrt(change / max(float(weight[rule == Rule.FREE].max(initial=0.0)), 1e-9))
-        bits = (apart * _bits(np.arange(BRANCHES), wish.steady)).astype(np.float32)
+        bits = (apart * _bits(np.arange(BRANCHES), options.steady)).astype(np.float32)
         position = np.hstack([position, bits[states.branch]])
-    tolls = _tolls(wish.parted, states.q, _PARTED * change)
-    _price_home(problem, states, wish, cost, tolls, change)
+    tolls = _tolls(options.parted, states.q, _PARTED * change)
+    _price_home(problem, states, options, cost, tolls, change)
     ladder = Ladder(states.offsets, position, cost, states.branch, rule, weight)
     if tolls is not None:
         tolls.enters[np.repeat(rule == Rule.CHAIN, count)] = 0.0
@@ -334,7 +338,7 @@ def ladder_of(
 def _price_home(
     problem: Problem,
     states: States,
-    wish: Wish,
+    options: SearchOptions,
     cost: FloatArray,
     tolls: Tolls | None,
     change: float,
@@ -347,13 +351,13 @@ def _price_home(
     at_home = problem.kinematics.branches.slot(home)
     for rung in (0, len(states) - 1):
         at = slice(int(states.offsets[rung]), int(states.offsets[rung + 1]))
-        if not wish.each:
+        if not options.each:
             cost[at] += price * ((states.q[at] - home) ** 2).sum(axis=1)
-        if wish.steady:
-            now, there = (_bits(one, wish.steady) for one in (states.branch[at], at_home))
+        if options.steady:
+            now, there = (_bits(one, options.steady) for one in (states.branch[at], at_home))
             cost[at] += change * ((now - there) ** 2).sum(axis=1)
         if tolls is not None:
-            cost[at] += tolls.enters[at] @ _sides(wish.parted, home[None])[0]
+            cost[at] += tolls.enters[at] @ _sides(options.parted, home[None])[0]
 
 
 def _price_of_change(problem: Problem) -> float:
@@ -392,7 +396,7 @@ def _reach(
     None where any feed will do. What is turned on the spot takes the time that it takes. Where no
     pose can run a cut on the way there is no step at all.
     """
-    least, is_shut = problem.least_feeds, between.hopeless != Reason.NONE
+    least, is_shut = problem.least_feeds, between.infeasible != Reason.NONE
     if not least.any() and not is_shut.any():
         return None
     way = np.diff(arc_length(problem.toolpath), prepend=0.0)
@@ -457,13 +461,13 @@ def bridges_of(
     states: States,
     stride: IndexArray,
     pinned: BoolArray,
-    hasty: BoolArray,
+    fast_turns: BoolArray,
     ladder: Ladder,
 ) -> Bridges:
     """Return the runs of states, told to the graph; where the tool may tilt: how it leans.
 
     Between tags far apart runs say nothing of what lies between, nor where both are pinned. There
-    the tool turns steadily, but into tags ``hasty`` (n,) it may turn as it will.
+    the tool turns steadily, but into tags ``fast_turns`` (n,) it may turn as it will.
     """
     low, high = problem.cell.optimize.range
     loose, axis = ~between.is_cut[tags], problem.placement.axis_base(tags)
@@ -472,7 +476,7 @@ def bridges_of(
     loose[1:] |= angle_between(axis[1:], axis[:-1]) > BRIDGED_TURN
     length = np.diff(between.way[tags], prepend=0.0)
     turn = STEADY_TURN * np.maximum(length / BRIDGED, 1.0)
-    turn[hasty | ~between.is_cut[tags] | pinned | np.append(False, pinned[:-1])] = np.pi
+    turn[fast_turns | ~between.is_cut[tags] | pinned | np.append(False, pinned[:-1])] = np.pi
     is_closed, carried = high - low >= 2.0 * np.pi - 1e-9, between.carried[tags]
     bridges = Bridges(states, stride, is_closed, loose, carried, turn)
     ladder.joins = bridges
@@ -480,7 +484,9 @@ def bridges_of(
         told = between.is_cut[tags] & ~pinned & (np.diff(tags, prepend=NONE) == 1)
         told[1:] &= ~pinned[:-1]
         bridges.loose[told] = True
-        ladder.joins = Leans(problem, states, tags, told, stride, is_closed, carried, bridges.turn)
+        ladder.joins = TiltSteps(
+            problem, states, tags, told, stride, is_closed, carried, bridges.turn
+        )
     return bridges
 
 

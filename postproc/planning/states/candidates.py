@@ -11,19 +11,16 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray, numbered, taken
+from postproc.arrays import AT_ONCE, BoolArray, FloatArray, IndexArray, numbered, taken
 from postproc.planning.states.pricing import Orientation, as_given, costs_of
 from postproc.planning.states.problem import Problem
 from postproc.planning.states.stroke_ends import StrokeEnds
 from postproc.planning.states.tilt import UPRIGHT
 from postproc.records import dataclass
+from postproc.units import TURN
 
 BRANCHES = 8
 """Arm configurations: shoulder, elbow and wrist."""
-_CHUNK = 4000
-"""Poses of states sampled at once: the columns of more are fetched from the system every time."""
-
-_FULL_TURN = 2.0 * np.pi
 
 
 @dataclass(slots=True)
@@ -97,7 +94,7 @@ def sample(
         tilts: (T, 2) lead and side [rad], none at all first; tags that may not tilt take only that.
     """
     width = spins.shape[-1] * len(tilts)
-    size = max(1, _CHUNK // width)
+    size = max(1, AT_ONCE // width)
     parts = [
         _chunk(
             problem,
@@ -246,8 +243,8 @@ def turn_range(
     margin = problem.cell.limits.joint_margin - 1e-9
     q_min = np.asarray(problem.kinematics.q_min)[joint]
     q_max = np.asarray(problem.kinematics.q_max)[joint]
-    low = np.ceil((q_min + margin - q) / _FULL_TURN)
-    high = np.floor((q_max - margin - q) / _FULL_TURN)
+    low = np.ceil((q_min + margin - q) / TURN)
+    high = np.floor((q_max - margin - q) / TURN)
     return low, high
 
 
@@ -257,7 +254,7 @@ def turnable(problem: Problem) -> Callable[[int, FloatArray], BoolArray]:
     room -= 2.0 * problem.cell.limits.joint_margin
 
     def may(joint: int, angle: FloatArray) -> BoolArray:
-        if room[joint] >= _FULL_TURN:
+        if room[joint] >= TURN:
             return np.ones(angle.shape, dtype=np.bool_)
         low, high = turn_range(problem, angle, joint)
         return np.asarray(low <= high)
@@ -273,7 +270,7 @@ def copies_of(
     Ordered by row, that nearest to the principal value first; without ``all_turns`` it alone stays.
     """
     best = np.clip(0, low, high)
-    base = q + _FULL_TURN * best
+    base = q + TURN * best
     if not all_turns or not len(q):
         return base, np.arange(len(q))
     wide = np.flatnonzero((high > low).any(axis=0)).tolist()
@@ -286,7 +283,7 @@ def copies_of(
     copies = taken(base, source)
     for k, joint in reversed(list(enumerate(wide))):
         step, turn = np.divmod(step, count[:, k][source])
-        copies[:, joint] = q[:, joint][source] + _FULL_TURN * (low[:, joint][source] + turn)
+        copies[:, joint] = q[:, joint][source] + TURN * (low[:, joint][source] + turn)
     return copies, source
 
 
@@ -297,6 +294,6 @@ def nearest_copies(
 
     What is over a limit there is left out.
     """
-    moved = q + _FULL_TURN * np.round((q_near - q) / _FULL_TURN)
+    moved = q + TURN * np.round((q_near - q) / TURN)
     kept = np.nonzero(problem.within(moved))[0]
     return moved[kept], kept

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray, taken
+from postproc.arrays import TINY, BoolArray, FloatArray, IndexArray, taken
 from postproc.geometry import rotation_angle
 from postproc.model import CUTS, MotionKind, ToolPath
 from postproc.planning.states.costs import StateContext, state_costs
@@ -28,7 +28,6 @@ SAME_POSITION = 0.005 * MM
 SAME_ANGLE = 0.003 * DEG
 """Given joints stand for the pose of a target within these."""
 _ALONG = 0.999
-_SHORT = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,7 +139,7 @@ def strokes_into(toolpath: ToolPath) -> BoolArray:
     is_cut = np.isin(kind, CUTS)
     beside = is_cut[:-1] | np.append(is_cut[2:], False)
     runs = (kind[1:] == MotionKind.LINEAR) | ((kind[1:] == MotionKind.RAPID) & beside)
-    found[1:] = along & (size > _SHORT) & runs
+    found[1:] = along & (size > TINY) & runs
     return found
 
 

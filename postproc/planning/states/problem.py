@@ -27,10 +27,9 @@ from postproc.process import (
 )
 from postproc.records import dataclass
 from postproc.stiffness import joint_compliance
-from postproc.units import DEG
+from postproc.units import DEG, TURN
 
 Compliance = Callable[[FloatArray], FloatArray]
-_FULL_TURN = 2.0 * np.pi
 HELD = "held pose"
 """Column of a toolpath, (n, 15): R_base_tcp by rows of a pose to hold, joints near it [rad]."""
 _PRINTED = 2e-5 * DEG
@@ -235,7 +234,7 @@ class Problem:
 
 def nearest_turn(q: FloatArray, q_near: FloatArray) -> FloatArray:
     """Return angles shifted by whole turns to lie within half a turn of ``q_near``."""
-    moved: FloatArray = q + _FULL_TURN * np.round((q_near - q) / _FULL_TURN)
+    moved: FloatArray = q + TURN * np.round((q_near - q) / TURN)
     return moved
 
 

@@ -15,9 +15,8 @@ from postproc.model import Arcs
 from postproc.readers.base import FULL_CIRCLE_GAP, RADIUS_GAP, radius_gap
 from postproc.readers.text import Faults
 from postproc.records import dataclass
-from postproc.units import MM
+from postproc.units import MM, TURN
 
-TURN = 2.0 * np.pi
 _SHORT = 0.25 * TURN
 """A shorter sweep [rad] goes where it meets its end better, however near the other way comes."""
 _TANGENT_COSINE = 0.999

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from postproc.arrays import FloatArray, IndexArray, IntArray, Table
+from postproc.arrays import NONE, FloatArray, IndexArray, IntArray, Table
 from postproc.model import Arcs, Cycle, Event, MotionKind, ToolPath
 from postproc.readers.apt.arcs import ArcRecords, arcs_between, tangency
 from postproc.readers.apt.dialect import ArcSense
@@ -19,8 +19,6 @@ from postproc.readers.apt.state import AptState, Columns
 from postproc.readers.apt.turns import check_resumed, check_standing, settle_turns
 from postproc.readers.base import ARC_SENSES
 from postproc.records import dataclass
-
-_NONE = -1
 
 
 @dataclass(slots=True)
@@ -52,7 +50,7 @@ def finished_toolpath(state: AptState, path: str) -> ToolPath:
         before = np.searchsorted([s.tag for s in state.splines], records.tag, side="right")
         records = replace(records, tag=(records.tag + shift[before]).astype(np.int32))
     arcs = _arcs(state, table, records)
-    arc_column = np.full(len(table), _NONE, dtype=np.int32)
+    arc_column = np.full(len(table), NONE, dtype=np.int32)
     arc_column[records.tag] = np.arange(len(records.tag))
     _settle_feeds(table, state.cycles)
     events = _events(state, shift)
@@ -145,7 +143,7 @@ def _with_splines(state: AptState, table: _Tags) -> tuple[_Tags, IndexArray]:
                 np.full(m, spline.line, dtype=np.int32),
                 np.full(m, spline.operation, dtype=np.int32),
                 np.full(m, state.tools.of_spline(i, at), dtype=np.int32),
-                np.full(m, _NONE, dtype=np.int32),
+                np.full(m, NONE, dtype=np.int32),
             )
         )
         state.faults.warn(

@@ -7,14 +7,12 @@ from typing import Protocol
 
 import numpy as np
 
-from postproc.arrays import FloatArray, IndexArray, IntArray
+from postproc.arrays import ROUNDING, FloatArray, IndexArray, IntArray
 from postproc.model import MotionKind, WordClass
 from postproc.readers.apt.heights import READINGS, doubts, reading, with_levels
 from postproc.readers.apt.state import AptState
 from postproc.units import MM
 
-_ROUNDING = 1e-9
-"""Holes whose tops differ by less [m] have the same cycle."""
 _ABOVE = 0.01 * MM
 """A point so near the hole's axis [m] is above the hole."""
 
@@ -54,7 +52,7 @@ def _settle(state: AptState, table: HoleTable, number: int, rows: IndexArray) ->
     if heights.rule.goto_bottom:
         table.points[rows] += heights.depth * table.axes[rows]
     top = np.einsum("ni,ni->n", table.points[rows], table.axes[rows])
-    _, one, of_row = np.unique(np.round(top / _ROUNDING), return_index=True, return_inverse=True)
+    _, one, of_row = np.unique(np.round(top / ROUNDING), return_index=True, return_inverse=True)
     for i in np.argsort(one).tolist():
         level = float(top[one[i]])
         feed, ends = heights.above(level)

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import FloatArray, IntArray
+from postproc.arrays import TINY, FloatArray, IntArray
 from postproc.readers.apt.arctext import WrittenArc
 from postproc.readers.apt.motion import Motions
 from postproc.readers.text import Faults
+from postproc.units import TURN
 
-_TURN = 2.0 * np.pi
-_AT_START = 1e-6
-"""A plane met within this angle [rad] of the start is met a turn later."""
 _TOUCHES = 1e-4
 """How far, relative to the radius, a plane may miss the circle that it is to touch."""
 
@@ -93,7 +91,7 @@ def _crossing(start: FloatArray, arc: WrittenArc, tangent: FloatArray) -> FloatA
     if reach == 0.0 or abs(wanted) > reach * (1.0 + _TOUCHES):
         return None
     middle, half = np.arctan2(across, along), np.arccos(np.clip(wanted / reach, -1.0, 1.0))
-    angles = np.sort((np.array([middle - half, middle + half]) - _AT_START) % _TURN + _AT_START)
+    angles = np.sort((np.array([middle - half, middle + half]) - TINY) % TURN + TINY)
     angle = angles[arc.crossing - 1]
     end: FloatArray = centre + rise + np.cos(angle) * u + np.sin(angle) * v
     return end

@@ -13,10 +13,11 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.model import Arcs, WordClass
-from postproc.readers.apt.arcs import TURN, ArcRecords, other_way, tangency
+from postproc.readers.apt.arcs import ArcRecords, other_way, tangency
 from postproc.readers.text import Faults
 from postproc.readers.uses import WordUses
 from postproc.records import dataclass
+from postproc.units import TURN
 
 _HALF = 1e-4
 """An arc this near to half turns or full ones [turns] can go either way."""

@@ -9,14 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from postproc.arrays import IntArray
+from postproc.arrays import NONE, IntArray
 from postproc.model import CamTool, Event
 from postproc.readers.apt.statement import Statement
 from postproc.readers.changes import tool_changes
 from postproc.records import dataclass
 
 NO_NUMBER = 0
-_NONE = -1
 _NAMES = ("number", "name")
 _DATA = ("diameter", "corner_radius", "length")
 Said = Mapping[str, float | str]
@@ -116,7 +115,7 @@ class ToolTable:
         if self.calls and not self.calls[-1].loads and not self.calls[-1].place.moves_to(end):
             self.calls.pop()
         for call in self.calls:
-            current = self._column[-1] if self._column else _NONE
+            current = self._column[-1] if self._column else NONE
             fits = [i for i in range(len(self.tools)) if self._fits(i, call.said, current)]
             if not fits:
                 self._column.append(len(self.tools))
@@ -151,13 +150,13 @@ class ToolTable:
     def column(self, n: int) -> IntArray:
         """Return the tool (n,) in force at each of n tags, -1 before the first."""
         counts = np.diff(np.array([0, *(call.place.tag for call in self.calls), n]))
-        return np.repeat(np.array([_NONE, *self._column], dtype=np.int32), counts)
+        return np.repeat(np.array([NONE, *self._column], dtype=np.int32), counts)
 
     def of_spline(self, number: int, tag: int) -> int:
         """Return the tool of a spline, the ``number``-th of the file, before a tag."""
         place = (tag, number)
         behind = sum((call.place.tag, call.place.spline) <= place for call in self.calls)
-        return self._column[behind - 1] if behind else _NONE
+        return self._column[behind - 1] if behind else NONE
 
     def changes(self) -> Iterator[tuple[Place, Event]]:
         """Yield the changes of the tool; the first tool of a file is changed to if it is loaded."""

@@ -6,12 +6,10 @@ from itertools import groupby
 
 import numpy as np
 
-from postproc.arrays import IntArray
+from postproc.arrays import NONE, IntArray
 from postproc.model import CamSetup, CamTool, Event, Operation
 from postproc.readers.changes import tool_changes
 from postproc.readers.text import Faults, parse_number
-
-_NONE = -1
 
 
 def operation_runs(
@@ -20,7 +18,7 @@ def operation_runs(
     """Return the operation (n,) of each row; an empty name goes on with the one before."""
     n = len(line)
     if names is None:
-        return np.full(n, _NONE, dtype=np.int32), ()
+        return np.full(n, NONE, dtype=np.int32), ()
     runs: list[Operation] = []
     index: list[int] = []
     for name, same in groupby(names):
@@ -40,10 +38,10 @@ def tool_calls(
     """
     n = len(line)
     if names is None:
-        return np.full(n, _NONE, dtype=np.int32), (), ()
+        return np.full(n, NONE, dtype=np.int32), (), ()
     index: dict[tuple[int, str], int] = {}
     tools: list[CamTool] = []
-    column = np.full(n, _NONE, dtype=np.int32)
+    column = np.full(n, NONE, dtype=np.int32)
     row = 0
     for name, same in groupby(names):
         stop = row + sum(1 for _ in same)
@@ -79,5 +77,5 @@ def setup_calls(
         if name and name not in index:
             index[name] = len(setups)
             setups.append(CamSetup(name, at))
-    column = np.array([index.get(name, _NONE) for name in names], dtype=np.int32)
+    column = np.array([index.get(name, NONE) for name in names], dtype=np.int32)
     return column, tuple(setups)

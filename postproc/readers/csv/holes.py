@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import FloatArray, IndexArray, IntArray
+from postproc.arrays import NONE, FloatArray, IndexArray, IntArray
 from postproc.model import Cycle, CycleKind, MotionKind
 from postproc.readers.text import Faults
 from postproc.records import dataclass
@@ -14,7 +14,6 @@ DEFAULT_CLEARANCE = 2.0 * MM
 """Height [m] above a hole where the feed starts, without a column for it."""
 DEFAULT_RETRACT = 10.0 * MM
 """Height [m] above a hole where the tool ends, without a column for it."""
-_NONE = -1
 _SHOWN = 20
 """Rows of one fault that are named."""
 _IN_MM = (1.0 / MM, "mm")
@@ -61,7 +60,7 @@ def motion_kinds(
         named = _named_kinds(columns.motion, line, faults)
         kind[named >= 0] = named[named >= 0]
     holes = np.flatnonzero(kind == MotionKind.HOLE)
-    cycle = np.full(n, _NONE, dtype=np.int32)
+    cycle = np.full(n, NONE, dtype=np.int32)
     if len(holes) == 0:
         return kind, cycle, ()
     depth = _depths(columns, holes, line, faults)
@@ -83,8 +82,8 @@ def distinct_rows(table: FloatArray) -> tuple[FloatArray, IndexArray]:
 
 
 def _named_kinds(motion: list[str], line: IntArray, faults: Faults) -> IntArray:
-    kinds = {text: _MOTIONS.get(text.lower(), _NONE) for text in set(motion)}
-    unknown = [text for text in kinds if text and kinds[text] == _NONE]
+    kinds = {text: _MOTIONS.get(text.lower(), NONE) for text in set(motion)}
+    unknown = [text for text in kinds if text and kinds[text] == NONE]
     if unknown:
         row = next(i for i, text in enumerate(motion) if text in unknown)
         raise faults.error(

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from postproc.arrays import FloatArray, IntArray
+from postproc.arrays import NONE, FloatArray, IntArray
 from postproc.geometry import circles, inverse
 from postproc.model import (
     Arcs,
@@ -58,7 +58,6 @@ _EVENTS = {"signal": EventKind.SIGNAL, "wait": EventKind.WAIT_SIGNAL, "delay": E
 _VIA = frozenset({"circularvia", "circularviamotion"})
 _IN_NO_TABLE = "an element, attribute or value in no table of OLP files"
 _NOT_DONE = "an activity that is not carried out"
-_NONE = -1
 
 
 @dataclass(slots=True)
@@ -164,7 +163,7 @@ def _toolpath(path: _Path, document: Document, options: ReadOptions, faults: Fau
         operation=np.array(path.operation, dtype=np.int32),
         tool=tool,
         arc=arc,
-        cycle=np.full(n, _NONE, dtype=np.int32),
+        cycle=np.full(n, NONE, dtype=np.int32),
         operations=tuple(path.operations),
         tools=tools,
         arcs=arcs,
@@ -240,7 +239,7 @@ def _tools(
     """Return the tool (n,), the tools used, and an event for each change after the first."""
     used: dict[str, int] = {}
     tools: list[CamTool] = []
-    column = np.full(len(path.motions), _NONE, dtype=np.int32)
+    column = np.full(len(path.motions), NONE, dtype=np.int32)
     for i, m in enumerate(path.motions):
         name = m.tool_profile
         if not name:
@@ -261,7 +260,7 @@ def _setups(
     """Return the object frame (n,) of each motion and the frames; None if all are the robot's."""
     index: dict[str, int] = {}
     setups: list[CamSetup] = []
-    column = np.full(len(motions), _NONE, dtype=np.int32)
+    column = np.full(len(motions), NONE, dtype=np.int32)
     for i, m in enumerate(motions):
         if not m.object_profile or m.object_profile not in document.robot.objects:
             continue
@@ -279,7 +278,7 @@ def _arcs(
 ) -> tuple[Arcs, IntArray]:
     """Return the arcs through start, via and end, and which one leads to each tag."""
     ends = np.flatnonzero(kind == MotionKind.ARC)
-    column = np.full(len(kind), _NONE, dtype=np.int32)
+    column = np.full(len(kind), NONE, dtype=np.int32)
     column[ends] = np.arange(len(ends))
     if len(ends) == 0:
         return Arcs.none(), column

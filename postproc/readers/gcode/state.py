@@ -6,7 +6,7 @@ from dataclasses import field
 
 import numpy as np
 
-from postproc.arrays import FloatArray
+from postproc.arrays import ROUNDING, FloatArray
 from postproc.model import CamSetup, CamTool, Cycle, Event, EventKind, MotionKind, Operation
 from postproc.readers.base import LENGTH_UNITS, ReadOptions
 from postproc.readers.gcode.arcs import Arc
@@ -16,8 +16,6 @@ from postproc.readers.uses import WordUses
 from postproc.records import dataclass
 
 NONE = -1
-_UPRIGHT = 1e-9
-"""A head that is nearer to upright than this does not lean."""
 
 
 @dataclass(slots=True)
@@ -106,7 +104,7 @@ class Machine:
     def leans(self) -> bool:
         """Whether the tool axis is known to be another one than z."""
         axis = self.axis
-        return bool(np.isfinite(axis).all() and np.abs(axis - UPRIGHT).max() > _UPRIGHT)
+        return bool(np.isfinite(axis).all() and np.abs(axis - UPRIGHT).max() > ROUNDING)
 
     def scale(self, line: int) -> float:
         """Return metres per unit of length.

@@ -23,8 +23,6 @@ _COARSE, _FINER = 10**6, 2
 _WINDOWS = ((8, _COARSE), (40, _FINER), (40, 1), (300, 1), (3000, 1), (10**9, _FINER))
 """Tags to each side of a break, and the stride on the finest grid of spins, tried in turn; no
 larger one than that of the cell's grid."""
-_LOCAL = 3
-"""After so many of them it is looked whether anything could lead past the break at all."""
 MOST_STATES = 12_000_000
 """A search that holds more gives up: a good gigabyte."""
 _MOST_REFINED = 2000
@@ -32,80 +30,60 @@ _MOST_REFINED = 2000
 
 
 @dataclass(slots=True)
-class Growth:
-    """What was looked at more closely so far: the windows tried in each chain.
-
-    ``passable``: whether tags [low, high) of a cut can be run by themselves.
-    """
+class Refinement:
+    """What was looked at more closely so far: the windows tried in each chain."""
 
     between: Interpolation
     tries: dict[int, int] = field(default_factory=dict)
     gave_up: set[int] = field(default_factory=set)
-    passable: dict[tuple[int, int], bool] = field(default_factory=dict)
 
     def next(self, search: PoseSearch, found: Found) -> tuple[IndexArray, IndexArray]:
         """Return tags to take as key tags, and the stride of each; none if all is said."""
         n = len(self.between.way)
         stride = np.zeros(n, dtype=np.int64)
         stride[search.tags] = search.stride
-        wish = np.zeros(n, dtype=np.int64)
+        asked = np.zeros(n, dtype=np.int64)
         base = search.checker.problem.fine
         for tag in search.wanted:
-            wish[tag] = base
+            asked[tag] = base
         if not search.wanted:
-            self._around_empties(search, found, wish, base)
-            self._around_breaks(search, found, wish, base)
-            self._around_gaps(search, found, wish)
-        more = (wish > 0) & ((stride == 0) | (wish < stride))
+            self._around_empties(search, found, asked, base)
+            self._around_breaks(search, found, asked, base)
+            self._around_gaps(search, found, asked)
+        more = (asked > 0) & ((stride == 0) | (asked < stride))
         tags = np.flatnonzero(more)
         if len(tags) and len(search.states.q) > MOST_STATES:
             self.gave_up |= set(self._open(search, found).tolist())
             tags = tags[:0]
-        return tags, wish[tags]
+        return tags, asked[tags]
 
     def _open(self, search: PoseSearch, found: Found) -> IndexArray:
         """Return the tags at which something is not refuted but not found either."""
         rungs = np.flatnonzero(search.broken(found) | (found.path == NONE))
         return np.concatenate([search.tags[rungs], np.array(sorted(search.wanted), dtype=np.int64)])
 
-    def _is_refuted(self, search: PoseSearch, tag: int, low: int, high: int) -> bool:
-        """Return whether no way leads past a break of a cut [low, high), whatever leads to it.
-
-        All tags around it on the finest grid of spins, begun in any state.
-        """
-        reach = _WINDOWS[_LOCAL - 1][0]
-        ends = max(low, tag - reach), min(high, tag + reach + 1)
-        if ends not in self.passable:
-            window = np.arange(*ends)
-            alone = PoseSearch.of(search.checker, window, search.wish, search.between)
-            alone.grow(window, np.ones_like(window))
-            alone.hasty[:] = True
-            alone.bridges.turn[:] = np.pi
-            found = alone.run()
-            whole = (found.path != NONE).all() and not alone.broken(found).any()
-            self.passable[ends] = bool(whole)
-        return not self.passable[ends]
-
     def _around_empties(
-        self, search: PoseSearch, found: Found, wish: IndexArray, base: int
+        self, search: PoseSearch, found: Found, asked: IndexArray, base: int
     ) -> None:
         """Ask for the finest grid at tags without a pose, and for the tags beside them."""
         given = search.checker.problem.placement.given
         rows = np.flatnonzero((found.path == NONE) & given[search.tags] & ~search.pinned)
-        wish[search.tags[rows[:_MOST_REFINED]]] = 1
+        asked[search.tags[rows[:_MOST_REFINED]]] = 1
         last = len(search.tags) - 1
         for row in np.flatnonzero(found.path == NONE).tolist():
             low, high = search.tags[max(row - 1, 0)], search.tags[min(row + 1, last)]
             inside = np.arange(low + 1, high)
-            wish[inside] = np.where(wish[inside] == 0, base, wish[inside])
+            asked[inside] = np.where(asked[inside] == 0, base, asked[inside])
 
-    def _around_gaps(self, search: PoseSearch, found: Found, wish: IndexArray) -> None:
+    def _around_gaps(self, search: PoseSearch, found: Found, asked: IndexArray) -> None:
         """Ask for the finest grid at tags between which no free way was found, but none else is."""
         into = np.flatnonzero(search.ladder.tolls_on(found.path) > 0.0)
         both = np.union1d(into - 1, into)
-        wish[search.tags[both[~search.pinned[both]]]] = 1
+        asked[search.tags[both[~search.pinned[both]]]] = 1
 
-    def _around_breaks(self, search: PoseSearch, found: Found, wish: IndexArray, base: int) -> None:
+    def _around_breaks(
+        self, search: PoseSearch, found: Found, asked: IndexArray, base: int
+    ) -> None:
         """Ask for more tags and spins around the breaks of cuts."""
         chain = np.cumsum(~self.between.is_cut)
         for row in np.flatnonzero(search.broken(found)).tolist():
@@ -113,8 +91,6 @@ class Growth:
             number = int(chain[tag])
             low, high = np.searchsorted(chain, [number, number + 1]).tolist()
             attempt = self.tries.get(number, 0)
-            if attempt >= _LOCAL and self._is_refuted(search, tag, low, high):
-                continue
             while attempt < len(_WINDOWS):
                 reach, stride = _WINDOWS[attempt]
                 attempt += 1
@@ -124,12 +100,12 @@ class Growth:
                 at = np.searchsorted(search.tags, window[np.isin(window, search.tags)])
                 new |= bool((search.stride[at] > finer).any())
                 if new:
-                    wish[window] = np.where(
-                        wish[window] == 0, finer, np.minimum(wish[window], finer)
+                    asked[window] = np.where(
+                        asked[window] == 0, finer, np.minimum(asked[window], finer)
                     )
                     break
             self.tries[number] = attempt
             span = (search.tags >= low) & (search.tags < high)
             searched = span.sum() == high - low and (search.stride[span] <= _FINER).all()
-            if attempt == len(_WINDOWS) and not (wish[low:high] > 0).any() and not searched:
+            if attempt == len(_WINDOWS) and not (asked[low:high] > 0).any() and not searched:
                 self.gave_up.add(tag)

@@ -19,9 +19,9 @@ from tests.jobs.emitted import converted
 UP = np.array([0.0, 0.0, 1.0])
 
 
-def hopeless(cell, path):
+def infeasible(cell, path):
     problem = checker_of(path, *settle(cell, PlanOptions())).problem
-    return Interpolation.of(problem).hopeless.tolist()
+    return Interpolation.of(problem).infeasible.tolist()
 
 
 def round_about(make_path, radius, side):
@@ -42,7 +42,7 @@ def test_an_arc_far_out_of_reach_is_refused_at_once(make_cell, make_path, radius
     cell = make_cell()
     for side, reason in ((-1, Reason.NONE), (1, Reason.UNREACHABLE)):
         path = round_about(make_path, radius, side)
-        assert hopeless(cell, path)[2] == reason
+        assert infeasible(cell, path)[2] == reason
         codes = [finding.code for finding in plan(path, cell).errors]
         assert codes == ([] if reason is Reason.NONE else ["PLN101"])
 
@@ -54,7 +54,7 @@ def test_a_tool_axis_that_turns_over_in_one_motion(make_cell, make_path):
         np.array([UP, UP, -UP, UP]),
         [MotionKind.RAPID, MotionKind.LINEAR, MotionKind.LINEAR, MotionKind.LINEAR],
     )
-    assert hopeless(make_cell(), turned) == [0, 0, Reason.SINGULAR, Reason.SINGULAR]
+    assert infeasible(make_cell(), turned) == [0, 0, Reason.SINGULAR, Reason.SINGULAR]
     assert {error.code for error in plan(turned, make_cell()).errors} == {"PLN103"}
 
 
@@ -62,7 +62,7 @@ def test_a_tool_axis_that_turns_over_in_one_motion(make_cell, make_path):
 def test_long_lines_within_reach_are_not(make_cell, make_path):
     points = [[1.6 + 0.2 * (k % 2), -0.6 + 1.2 * (k % 2), 0.8] for k in range(20)]
     kind = [MotionKind.RAPID] + [MotionKind.LINEAR] * 19
-    assert not any(hopeless(make_cell(), make_path(points, UP, kind)))
+    assert not any(infeasible(make_cell(), make_path(points, UP, kind)))
 
 
 EDGE = """\

@@ -12,7 +12,7 @@ from dataclasses import field
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.arrays import AT_ONCE, TINY, BoolArray, FloatArray, IndexArray
 from postproc.geometry import angle_between, axis_angle, rotation_angle, turned_between
 from postproc.kinematics import wrapped
 from postproc.ladder import Joined
@@ -30,16 +30,12 @@ from postproc.records import dataclass
 
 _SHARES = np.arange(1.0, 8.0) / 8.0
 """Where on a cut the tilt of the tool is checked."""
-_SLACK = 1e-6
-"""Steps are taken out where the tool leaves its range by more than a check would bear [rad]."""
 _HALF_TURN = np.pi - 1e-3
 """A turn by more goes either way round, by the last digit: nothing is said of it beforehand."""
-_AT_ONCE = 4096
-"""So many steps are looked at together."""
 
 
 @dataclass(slots=True)
-class Leans:
+class TiltSteps:
     """Which steps between tilted states of successive key tags keep the tool in its tilt.
 
     ``tags`` (n,) of the states; ``told`` (n,): into which of them a cut leads that depends on tilt
@@ -137,7 +133,7 @@ class Leans:
         spin to spin: of a full circle once around, else backwards and forwards.
         """
         step = int(np.gcd(self.stride[i - 1], self.stride[i]))
-        if not self.closed or abs(self._width * self._spacing(i) - 2.0 * np.pi) > _SLACK:
+        if not self.closed or abs(self._width * self._spacing(i) - 2.0 * np.pi) > TINY:
             count = (self._width - 1) // step + 1
             return step, count, np.arange(1 - count, count)
         step = int(np.gcd(step, self._width))
@@ -186,15 +182,15 @@ class Leans:
         leans = place.tilts(at, grid), place.tilts(of, later)
         first, second = (k.ravel() for k in np.indices((len(at), len(of))))
         result = np.zeros(len(first), dtype=np.bool_)
-        for low in range(0, len(first), _AT_ONCE):
-            a, b = first[low : low + _AT_ONCE], second[low : low + _AT_ONCE]
+        for low in range(0, len(first), AT_ONCE):
+            a, b = first[low : low + AT_ONCE], second[low : low + AT_ONCE]
             near = rotation_angle(T[0][a, :3, :3], T[1][b, :3, :3]) < _HALF_TURN
             a, b = a[near], b[near]
             ends, nothing = (leans[0][a], leans[1][b]), np.zeros((len(a), 6))
             any_, still = np.zeros(len(a), dtype=np.int64), np.zeros((len(a), 0))
             lines = Lines(T[0][a], T[1][b], nothing, nothing, any_, any_ == 0, (still, still))
             as_arcs(self.problem, of[b], lines)
-            too_far = leans_too_far(self.problem, of[b], ends, lines, _SLACK)
+            too_far = exceeds_tilt(self.problem, of[b], ends, lines, TINY)
             result[low + np.flatnonzero(near)] = too_far
         return result.reshape(len(tilts), len(tilts), -1).swapaxes(0, 1)
 
@@ -211,7 +207,7 @@ def as_arcs(problem: Problem, tags: IndexArray, lines: Lines) -> None:
     lines.sweep = np.where(is_arc, arcs.sweep[number], 0.0)
 
 
-def leans_too_far(
+def exceeds_tilt(
     problem: Problem,
     tags: IndexArray,
     tilts: tuple[FloatArray, FloatArray],
@@ -230,7 +226,7 @@ def leans_too_far(
     leaves = np.zeros(len(lines), dtype=np.bool_)
     tilted = (tilts[0] != 0.0).any(axis=1) | (tilts[1] != 0.0).any(axis=1)
     upright = np.flatnonzero(~tilted)
-    leaves[upright] = _leaves_cam_axis(problem, tags, lines, upright, slack)
+    leaves[upright] = _exceeds_cam_axis(problem, tags, lines, upright, slack)
     rows = np.flatnonzero(tilted)
     if not len(rows):
         return leaves
@@ -249,7 +245,7 @@ def leans_too_far(
     return leaves
 
 
-def _leaves_cam_axis(
+def _exceeds_cam_axis(
     problem: Problem, tags: IndexArray, lines: Lines, rows: IndexArray, slack: float
 ) -> BoolArray:
     """Return which cuts ``rows`` (k,) between upright tags lean the tool out of the CAM axes.

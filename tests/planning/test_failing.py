@@ -6,7 +6,7 @@ from postproc.cell import parse_cell
 from postproc.planning.planner import checker_of, plan
 from postproc.planning.search.between import Interpolation
 from postproc.planning.search.cuts import judge
-from postproc.planning.search.failing import fan
+from postproc.planning.search.failing import also_failing
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.states import PlanOptions, settle
 from postproc.readers import read
@@ -32,7 +32,7 @@ def test_steps_are_looked_at_once_and_what_the_joints_refute_cannot_be_run():
         return []
 
     for n in range(12):
-        known = fan(search, [(int(states[n]), int(now[n]))], failing_of)
+        known = also_failing(search, [(int(states[n]), int(now[n]))], failing_of)
         assert refuted.isdisjoint(known)
         assert told.isdisjoint(known)
         refuted |= set(known)
