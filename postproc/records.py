@@ -85,11 +85,7 @@ def _only_keeps(plain: type) -> bool:
 
 
 def _init(cls: Any) -> FunctionType:  # noqa: ANN401 - as below
-    """Return an ``__init__`` that keeps its arguments and calls ``__post_init__``, if there is one.
-
-    Raises:
-        TypeError: a field without a default stands behind one with a default.
-    """
+    """Return an ``__init__`` that keeps its arguments and calls any ``__post_init__``."""
     fields = dataclasses.fields(cls)
     named = [field for field in fields if field.kw_only]
     placed = [field for field in fields if not field.kw_only]

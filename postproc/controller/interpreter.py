@@ -345,13 +345,7 @@ class Interpreter:
             self._memory.put(node, value)
 
     def _assign_system(self, node: Reference, value: Any, *, by_form: bool) -> None:  # noqa: ANN401
-        """Set a system variable; what it does and nobody follows is not judged.
-
-        Args:
-            node: the variable.
-            value: what it gets.
-            by_form: a function of the inline forms gives it: what the controller is configured for.
-        """
+        """Set a system variable; what it does and nobody follows is not judged."""
         key = self.evaluator.key(node)
         variable = system_variable(node.name)
         if key is None:

@@ -244,11 +244,7 @@ def _robot_values(options: dict[str, Any], output: Path) -> dict[str, str]:
 
 
 def _meshes(names: tuple[str, ...] | None, output: Path) -> list[dict[str, str]] | None:
-    """Return the entries of mesh files, relative to the cell; None without any.
-
-    Raises:
-        CellError: COL001 to COL009 for a file that cannot be read.
-    """
+    """Return the entries of mesh files, relative to the cell; None without any."""
     for name in names or ():
         load_mesh(Path(name), MM)  # what convert would refuse is no solid of a new cell
     paths = (Path(os.path.relpath(name, output.parent)).as_posix() for name in names or ())

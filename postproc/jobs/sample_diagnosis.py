@@ -130,11 +130,7 @@ def plan_diagnosis(
 def _postures(
     model: RobotModel, cell: Cell, request: SampleRequest, checks: drive.Checks
 ) -> tuple[FloatArray, FloatArray]:
-    """Return postures (k, 6) [rad] far from each other, and the side (k, 6) each is reached from.
-
-    Raises:
-        StiffnessError: STF022.
-    """
+    """Return postures (k, 6) [rad] far apart, and the side (k, 6) each is reached from."""
     kinematics = model.arm.kinematics
     rng = np.random.default_rng(_SEED)
     limits, grid = cell.limits, request.grid

@@ -58,12 +58,7 @@ def build(robot: Robot) -> Kinematics:
 
 
 def _compared(arm: Kinematics, robot: Robot) -> None:
-    """Compare a URDF arm with the built-in one of its name, if there is one.
-
-    Raises:
-        KinematicsError: KIN003 if joints turn the other way than those of the maker, or the flange
-            is elsewhere or turned.
-    """
+    """Compare a URDF arm with the built-in one of its name, if there is one."""
     try:
         known = load_robot(find_robot(robot.name))
     except CellError:

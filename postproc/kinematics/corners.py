@@ -320,15 +320,7 @@ def _cells(
 def _posed(
     kinematics: Kinematics, corners: Corners, rows: IndexArray, p: FloatArray, mixed: FloatArray
 ) -> tuple[FloatArray, BoolArray]:
-    """Return the joints (r, n, m, 6) at points and orientations, and which are within reach.
-
-    Args:
-        kinematics: the arm.
-        corners: the corners.
-        rows: (r,) of them.
-        p: (r, n, 3) [m] in robroot.
-        mixed: (r, n, m, 2) orientations at each point, as weights of both ends.
-    """
+    """Return the joints (r, n, m, 6) at points and orientations, and which are within reach."""
     T = corners.T_robroot_tcp[rows]
     rotation = np.einsum("rnme,rei->rnmi", mixed, _turns(T))
     R = T[:, None, None, 1, :3, :3] @ rotation_from_vector(rotation)
@@ -400,11 +392,7 @@ _MIDDLES = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [0.5, 0.5, 0], [0, 0.5, 0.
 
 
 def _grid(count: int) -> tuple[FloatArray, IndexArray]:
-    """Return the nodes of a triangle whose sides are cut, with the middles of all sides.
-
-    Returns:
-        weights (n, 2) of both ends; (f, 6) the nodes of each piece, in the order of ``_MIDDLES``.
-    """
+    """Return the nodes of a triangle whose sides are cut, with the middles of all sides."""
     fine = 2 * count
     number: dict[tuple[int, int], int] = {}
     for i in range(fine + 1):

@@ -195,15 +195,7 @@ def _step(
     to_start: FloatArray,
     rows: SetUps,
 ) -> FloatArray:
-    """Return the Gauss-Newton step (6 S + 3 R,): shift and turn of each frame, then the points.
-
-    Args:
-        R_robroot_flange: (n, 3, 3).
-        seen: (n, 3) points of the model now, robroot [m].
-        residual: (n, 3) measured minus these [m].
-        to_start: (R, 3) from each point now to where it is expected [m].
-        rows: station and reflector of each row.
-    """
+    """Return the Gauss-Newton step (6 S + 3 R,): shift and turn of each frame, then the points."""
     n, frames = len(seen), len(rows.stations)
     X = np.zeros((n, 3, 6 * frames + 3 * len(rows.reflectors)))
     row, at = np.arange(n), 6 * rows.station

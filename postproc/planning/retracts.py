@@ -53,16 +53,7 @@ def with_retracts(toolpath: ToolPath, cell: Cell, plan_here: Callable[[ToolPath]
 def _is_left_elsewhere(
     toolpath: ToolPath, places: dict[int, int], stuck: IndexArray, broken: IndexArray
 ) -> bool:
-    """Take other places at which cuts are left, in place; return whether that may help.
-
-    Args:
-        toolpath: what is asked for.
-        places: the tag into which each cut breaks, and the tag before which it is left.
-        stuck: (k,) the latter from which the tool cannot go: twice as many tags earlier, as long as
-            that is inside the cut.
-        broken: (k,) tags at which other errors stand. From where a cut was left on nothing serves
-            it as far as its break: to leave it earlier helps no more.
-    """
+    """Take other places at which cuts are left, in place; return whether that may help."""
     kind = np.asarray(toolpath.kind)
     known = any(place <= tag <= end for end, place in places.items() for tag in broken.tolist())
     if known or not (broken >= 1).all() or not np.isin(kind[broken], CUTS).all():

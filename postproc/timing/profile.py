@@ -244,13 +244,7 @@ def path_times(
 
 
 def _even_push(length: float, speed: float, time: float) -> float:
-    """Return the acceleration [m/s^2] that, the same all along, takes a time [s] from stop to stop.
-
-    Args:
-        length: [m].
-        speed: reached at most [m/s].
-        time: without a limit of jerk; 0 where nothing is known of it.
-    """
+    """Return the even acceleration [m/s^2] that takes a time [s] from stop to stop."""
     if time * speed <= length + _TINY:
         return np.inf
     ramps = time - length / speed

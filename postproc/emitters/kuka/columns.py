@@ -295,11 +295,7 @@ def _auxiliaries(plan: Plan, straight: BoolArray) -> list[list[float] | None]:
 
 
 def _straight(plan: Plan) -> BoolArray:
-    """Return (m,) which arcs are so flat that their printed points would lie on a line.
-
-    Raises:
-        EmitError: EMT313 if the three points make no circle and no line either.
-    """
+    """Return (m,) which arcs are so flat that their printed points would lie on a line."""
     straight = np.zeros(len(plan), dtype=bool)
     arcs = np.flatnonzero(plan.kind == MoveKind.CIRC)
     if not len(arcs):

@@ -134,10 +134,6 @@ def _headings(part: Part, way: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the directions (k-1, 3) in which the motions behind the first begin and end.
 
     Those of a circle are its tangents; NaN where the text does not tell.
-
-    Args:
-        part: k motions.
-        way: (k-1, 3) from target to target [mm].
     """
     begin, end = way.copy(), way.copy()
     places = [k for k, step in enumerate(part.steps) if k and step.move.word.is_circular]

@@ -469,10 +469,6 @@ def _farthest(q: FloatArray, piece: IndexArray) -> tuple[FloatArray, FloatArray]
     A parabola through three samples rises above both ends of a piece where its vertex lies between
     them: by (1 - 2 |b - a| / s)^2 s / 8, s being the second difference. Of the two parabolas
     through a piece the one that is bent more counts.
-
-    Args:
-        q: (k, 6).
-        piece: (p,) samples with a next one of the same motion, rising.
     """
     bent = np.zeros_like(q)
     inner = piece[1:][np.diff(piece) == 1]

@@ -338,13 +338,7 @@ def _curve(knots: FloatArray, value: FloatArray, way: FloatArray) -> FloatArray:
 
 
 def _tridiagonal(diagonal: FloatArray, beside: FloatArray, right: FloatArray) -> FloatArray:
-    """Solve a symmetric tridiagonal system.
-
-    Args:
-        diagonal: (n,).
-        beside: (n-1,) entries beside the diagonal.
-        right: (n,) right-hand side.
-    """
+    """Solve a symmetric tridiagonal system."""
     d, e, r = diagonal.tolist(), beside.tolist(), right.tolist()
     for i in range(1, len(d)):
         factor = e[i - 1] / d[i - 1]

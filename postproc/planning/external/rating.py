@@ -184,15 +184,7 @@ def rated(toolpath: ToolPath, cell: Cell, settings: Settings, checker_at: Checke
 def _with_finer(
     problem: Problem, values: FloatArray, knots: IndexArray, cost: FloatArray, settings: Settings
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the positions (g, k) and costs (m, g) with those added that reach what no other does.
-
-    Args:
-        problem: of the toolpath.
-        values: (g, k) positions that were rated.
-        knots: (m,) tags that were rated there.
-        cost: (m, g) infinite where a tag has no pose.
-        settings: of the plan.
-    """
+    """Return positions (g, k) and costs (m, g) with those that reach what no other does."""
     left = np.flatnonzero(~np.isfinite(cost).any(axis=1))
     if not len(left):
         return values, cost

@@ -155,11 +155,7 @@ def spin_curves(
 
 
 def _with_frames(tags: IndexArray, claims: Claims) -> IndexArray:
-    """Return the tags that have a tool and a base.
-
-    Raises:
-        CellError: WRD002 or WRD020 if none has.
-    """
+    """Return the tags that have a tool and a base."""
     kept = tags[(claims.tool[tags] >= 0) & (claims.base[tags] >= 0)]
     if len(tags) and not len(kept):
         worst = next(finding for finding in claims.findings if finding.is_error)

@@ -306,15 +306,7 @@ def _first_free(
     external: FloatArray,
     looks: int | None = None,
 ) -> IndexArray:
-    """Return the numbers (k,) of candidates that are free, the first one of each owner.
-
-    Args:
-        checker: asked for all owners at once.
-        owner: (c,) of each candidate, those to be preferred first.
-        legs: joint moves (c, 6) to (c, 6) that each candidate is made of.
-        external: (c, k) where the external axes stand meanwhile [m or rad].
-        looks: how many of each owner that seem to be free are looked at; None: all.
-    """
+    """Return the numbers (k,) of candidates that are free, the first one of each owner."""
     every = np.tile(np.arange(len(owner)), len(legs))
     start, end = (np.concatenate(side) for side in zip(*legs, strict=True))
     left = np.ones(len(owner), dtype=np.bool_)

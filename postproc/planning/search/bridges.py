@@ -181,14 +181,7 @@ class Bridges:
 
 
 def _near(keys: IndexArray, q: Joints, wanted: IndexArray, q_wanted: Joints) -> IndexArray:
-    """Return for each wanted key the row (m,) of the key whose joints are near, ``NONE`` if none.
-
-    Args:
-        keys: (n,) rising, several rows of one key for the turns of the joints.
-        q: (n, 6) [rad].
-        wanted: (m,) keys.
-        q_wanted: (m, 6) [rad].
-    """
+    """Return for each wanted key the row (m,) of the key of near joints, ``NONE`` if none."""
     low = np.searchsorted(keys, wanted, side="left")
     high = np.searchsorted(keys, wanted, side="right")
     found = np.full(len(wanted), NONE, dtype=np.int64)

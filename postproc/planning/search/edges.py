@@ -134,16 +134,7 @@ def _halve(
     columns: IndexArray,
     found: Edges,
 ) -> None:
-    """Note the last poses that can be reached behind states, where they are the stiffest.
-
-    Args:
-        problem: what is asked.
-        tag: (m,) of the states.
-        states: of all tags.
-        at: (m,) row of ``found``, branch and number of the state from which on.
-        columns: (m,) how many columns the next spin of the grid is away, of either sense.
-        found: for all tags, changed in place.
-    """
+    """Note the last poses that can be reached behind states, where they are the stiffest."""
     row, branch, state = at
     good_spin = states.spin_of(state)
     step = columns * _finest(states, row)

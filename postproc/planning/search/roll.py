@@ -228,16 +228,7 @@ def _offsets(checker: Checker, tags: IndexArray) -> FloatArray:
 def _turned(
     checker: Checker, chosen: Chosen, tags: IndexArray, spins: FloatArray, slot: int, stays: int
 ) -> bool:
-    """Turn a stroke to spins (m,); return whether that can be run, else nothing is changed.
-
-    Args:
-        checker: of the problem.
-        chosen: taken over where it can be run.
-        tags: (m,) from the start of the stroke to its end.
-        spins: (m,) [rad].
-        slot: branch of all.
-        stays: place in ``tags`` of the one that keeps its pose, -1 for none.
-    """
+    """Turn a stroke to spins (m,); return whether that can be run, else nothing is changed."""
     problem, m = checker.problem, len(tags)
     attitude = chosen.attitude[tags].copy()
     kept = attitude[stays].copy()

@@ -493,13 +493,7 @@ def bridges_of(
 def _scales(
     between: Interpolation, tags: IndexArray, travel: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return weight (n,) of the squared joint step into each tag, and of the tag's own cost.
-
-    Args:
-        between: lengths along the path.
-        tags: (n,) rising.
-        travel: (n,) weight of travel in units of 10 degrees, per ``CUT_UNIT`` on cuts.
-    """
+    """Return weight (n,) of the squared joint step into each tag, and of the tag's own cost."""
     length = np.maximum(np.diff(between.way[tags], prepend=np.nan), _LEAST_STEP) / CUT_UNIT
     is_cut = between.is_cut[tags]
     is_cut[:1] = False

@@ -109,12 +109,7 @@ def _count_words(state: AptState, scanned: Scan) -> None:
 
 
 def _units_of(data: bytes, dialect: Dialect, options: ReadOptions, faults: Faults) -> str:
-    """Return the unit of length: as written, as asked for, as the feeds say, as the system does.
-
-    Raises:
-        ReadError: APT010 if nothing says, APT012 for an unknown unit, APT013 if the file and the
-            option disagree.
-    """
+    """Return the unit of length: as written, as asked for, as the feeds say, as the system does."""
     stated = _UNITS.search(data)
     if stated:
         line = data.count(b"\n", 0, stated.start()) + 1

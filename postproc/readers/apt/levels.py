@@ -67,14 +67,7 @@ def _settle(state: AptState, table: HoleTable, number: int, rows: IndexArray) ->
 
 
 def _show(state: AptState, number: int, levels: tuple[float, float], top: float) -> None:
-    """Ask a doubtful reading of a cycle back, and note one that no real file has proven.
-
-    Args:
-        state: of the reading.
-        number: of the cycle.
-        levels: where feed begins and where the tool ends, above the top of the hole [m].
-        top: height of the top of the first hole along the tool axis [m].
-    """
+    """Ask a doubtful reading of a cycle back, and note one that no real file has proven."""
     cycle = state.cycles[number]
     _, word, lines = state.drill.heights[number]
     text = reading(cycle, *levels, top)

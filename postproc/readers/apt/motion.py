@@ -365,11 +365,7 @@ class MotionReader:
         arcs.sweep[swept] = np.radians(eighth[swept])
 
     def _carry_arc(self, motions: Motions) -> None:
-        """Prepend the arc that waits from the block before; keep one that waits for the next.
-
-        Raises:
-            ReadError: APT035 for two arcs that would end at one point.
-        """
+        """Prepend the arc that waits from the block before; keep one that waits for the next."""
         arcs = motions.arcs
         if self._pending is not None:
             self._pending.target[:] = 0

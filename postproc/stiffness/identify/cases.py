@@ -243,11 +243,7 @@ def _floor(posture: IntArray, wrench: FloatArray, position: FloatArray) -> Noise
 def _contrasts(
     posture: IntArray, A: FloatArray, position: FloatArray
 ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray, IntArray]:
-    """Return Helmert contrasts within each posture.
-
-    Returns:
-        First row, contrast of A, contrast of position, scale, and last row of each contrast.
-    """
+    """Return Helmert contrasts within each posture."""
     order = np.argsort(posture, kind="stable")
     start = np.flatnonzero(np.diff(posture[order], prepend=-1))
     size = np.diff(np.append(start, len(order)))

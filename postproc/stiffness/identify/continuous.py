@@ -367,13 +367,7 @@ class _Linear:
         return prior + 0.5 * float(z @ z) + float(np.sum(size)), slope
 
     def _slope(self, hyper: Hyper, precision: FloatArray, pull: FloatArray) -> FloatArray:
-        """Return the gradient (10,) of half the squared misfit and half the log determinant.
-
-        Args:
-            hyper: where.
-            precision: (3n, 3n) inverse of y's covariance, in sigma.
-            pull: (3n,) that times y, in sigma.
-        """
+        """Return the gradient (10,) of half the squared misfit and half the log determinant."""
         q, n = self.q, len(self.q)
         rows = self.B / hyper.sigma
         # half the trace of (precision - pull pull') dS, by the change of each joint's prior
