@@ -26,19 +26,11 @@ pytestmark = [
 
 
 _RANDOM, _GRID = "series_C_random", "series_A_grid"
-_SAG_LEFT_OUT = pytest.mark.xfail(
-    strict=True,
-    reason="with no word on the noise the sag (162 nats) is left out as too small at random poses"
-    " (0.0186 mm of its own, 0.0194 asked), and the grid is missed by 0.77 mm instead of 0.46",
-)
 
 
 @pytest.mark.parametrize(
     ("fitted", "judged", "sigma_mm"),
-    [
-        pytest.param(_RANDOM, _GRID, None, marks=_SAG_LEFT_OUT),
-        (_GRID, _RANDOM, 0.03),
-    ],
+    [(_RANDOM, _GRID, None), (_GRID, _RANDOM, 0.03)],
 )
 def test_the_diagnosis_holds_on_poses_of_another_kind(tmp_path, fitted, judged, sigma_mm):
     """What the instrument is said to scatter by says nothing of the arm, and changes no cause."""
@@ -52,7 +44,9 @@ def test_the_diagnosis_holds_on_poses_of_another_kind(tmp_path, fitted, judged, 
     assert diagnosis.verdict == ("undetermined" if sigma_mm is None else "unexplained")
     assert "backlash" not in diagnosis.adopted
     assert not {"base_frame", "tool_frame"} & set(diagnosis.adopted)
-    assert {"link_geometry", "gravity_sag", "angle_error"} == set(diagnosis.adopted)
+    held = {*diagnosis.adopted, *diagnosis.serving}
+    assert {"link_geometry", "angle_error"} <= set(diagnosis.adopted)
+    assert {"link_geometry", "gravity_sag", "angle_error"} <= held
     assert diagnosis.total[1] < 0.16 * diagnosis.total[0]
     model = model_file(diagnosis, None)
     rms = []

@@ -19,9 +19,14 @@ from postproc.gap.posterior import (
     judged,
     posterior,
     servings,
+    tolerated,
 )
 from postproc.progress import Progress
 from postproc.records import dataclass
+
+_LOUD = 1.5 * float(np.sqrt(3.0))
+"""Rest of all rows that are no faults, 3D rms over the noise per axis, that is no noise: where many
+rows lie far off, the fit looks past them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,6 +135,10 @@ def diagnose(problem: Problem, progress: Progress | None = None) -> Diagnosis:
     residual = problem.rest(last.fit.point)
     verdict = found.verdict
     rest = found.rest
+    kept = residual[~bad | suspects]
+    most = np.hypot(_LOUD * found.sigma, tolerated(found.adopted, found.sigma))
+    if found.posterior.level.known and rms(np.linalg.norm(kept, axis=1)) > most:
+        verdict = "unexplained" if verdict in ("explained", "no_gap") else verdict
     if told.part is not None:
         size = float(np.sqrt(np.mean(np.sum((residual * suspects[:, None]) ** 2, axis=1))))
         rest = (*rest, Part(told.part, told.column, "some rows", size, float("nan")))

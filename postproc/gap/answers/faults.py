@@ -44,17 +44,14 @@ def followed(problem: Problem, bad: BoolArray) -> Followed:
 
 
 def _columns(samples: Samples) -> Iterator[tuple[str, str, FloatArray]]:
-    """Yield class, name and values (n,) of everything logged that a set may follow."""
+    """Yield class, name and values (n,) or (n, k) of everything logged that a set may follow."""
     if samples.wrench is not None:
-        for k, axis in enumerate("xyz"):
-            yield "load", f"f{axis}_N", samples.wrench[:, k]
+        yield "load", "direction of the force", samples.wrench[:, :3]
         yield "load", "force", np.linalg.norm(samples.wrench[:, :3], axis=1)
     if samples.direction is not None:
-        for k in range(6):
-            yield "approach", f"dir{k + 1}", samples.direction[:, k]
+        yield "approach", "dir", samples.direction
     if samples.qd is not None:
-        for k in range(6):
-            yield "speed", f"qd{k + 1}", samples.qd[:, k]
+        yield "speed", "qd", samples.qd
     yield "time", "time", samples.course
     if samples.temperature is not None:
         yield "temperature", "temperature", samples.temperature
@@ -65,9 +62,24 @@ def _columns(samples: Samples) -> Iterator[tuple[str, str, FloatArray]]:
 
 
 def _chance(values: FloatArray, bad: BoolArray) -> float:
-    """Return how often ranks of a set lie so far to one side by chance (Mann and Whitney)."""
+    """Return how often values of a set lie so far to one side by chance.
+
+    Ranks of one column (Mann and Whitney), means of several (Hotelling): a mount that a pull
+    opens follows a direction that is no axis.
+    """
+    from scipy.special import fdtrc
     from scipy.stats import mannwhitneyu
 
     if float(np.ptp(values)) <= 0.0:
         return 1.0
-    return float(mannwhitneyu(values[bad], values[~bad], alternative="two-sided").pvalue)
+    one, other = values[bad], values[~bad]
+    if values.ndim == 1:
+        return float(mannwhitneyu(one, other, alternative="two-sided").pvalue)
+    apart = one.mean(axis=0) - other.mean(axis=0)
+    each = np.concatenate([one - one.mean(axis=0), other - other.mean(axis=0)])
+    freedom, k = len(values) - 2, int(np.linalg.matrix_rank(each))
+    if freedom <= k:
+        return 1.0
+    inverse = np.linalg.pinv(each.T @ each / freedom)
+    square = float(apart @ inverse @ apart) * len(one) * len(other) / len(values)
+    return float(fdtrc(k, freedom - k + 1, square * (freedom - k + 1) / (k * freedom)))

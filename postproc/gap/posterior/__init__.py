@@ -11,6 +11,7 @@ from postproc.gap.posterior.gates import (
     SMALLEST,
     Judged,
     judged,
+    tolerated,
 )
 from postproc.gap.posterior.names import CLOSE, Name, names_of
 from postproc.gap.posterior.prior import ODDS, Candidate, Sort, odds_of, of_effect
