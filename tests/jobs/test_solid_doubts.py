@@ -137,5 +137,5 @@ def test_without_the_extra_a_step_file_says_how_to_get_it(shop, tmp_path, capsys
     call = ["new-cell", "--robot", "kuka_kr500_r2830", "-o", str(tmp_path / "n.toml")]
     assert run([*call, "--workpiece-mesh", mesh]) == 2
     assert how in capsys.readouterr().err.partition("\n")[0]
-    with pytest.raises(CellError, match="COL001"):
+    with pytest.raises(CellError, match="PLG008"):
         load_mesh(tmp_path / "plate.step", 1e-3)
