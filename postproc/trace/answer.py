@@ -21,12 +21,14 @@ from postproc.trace.planner import Planned, feed, less_known, rounding
 from postproc.trace.program import Programmed, matched
 from postproc.trace.recording import Recording
 from postproc.trace.scene import Scene, Stage, carried
-from postproc.trace.signals import MEANS, means, white_sigma
+from postproc.trace.signals import MEANS, means, octaves, white_sigma
 
 NOISE_LIKE = 0.5
 """Rest with a memory, against the noise of one row, below which it counts as noise."""
 SHRINKS = 0.02
 """Least share by which an effect shrinks the gap on rows that were not fitted."""
+OUTWEIGHS = 0.5
+"""Share from which an effect is larger than what is left beside it."""
 SURE = (0.05, 0.95)
 """Ends of the intervals."""
 DRAWS = 400
@@ -35,13 +37,29 @@ _SEED = 1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Proof:
-    """An effect on rows that were not fitted: root mean squares [m] before and after it."""
+    """An effect on rows that were not fitted: root mean squares [m] before and after it.
+
+    Args:
+        name, stage: of the effect.
+        before, after: root mean squares; interval: of what it shrinks.
+        beside: [m] what is left unexplained in the octaves in which the effect acts.
+    """
 
     name: str
     stage: str
     before: float
     after: float
     interval: tuple[float, float]
+    beside: float = 0.0
+
+    @property
+    def outweighs(self) -> float:
+        """Share of the effect in what it removes and what is left where it acts.
+
+        An unknown cause of the size of the rest may look like an effect of that size.
+        """
+        gain = max(0.0, self.before**2 - self.after**2)
+        return gain / (gain + self.beside**2) if gain > 0.0 else 0.0
 
     @property
     def shrinkage(self) -> float:
@@ -165,7 +183,8 @@ class PathDiagnosis:
 
     @staticmethod
     def _holds(proof: Proof) -> bool:
-        return proof.shrinkage > SHRINKS and proof.interval[0] > 0.0
+        shrinks = proof.shrinkage > SHRINKS and proof.interval[0] > 0.0
+        return shrinks and proof.outweighs > OUTWEIGHS
 
     @cached_property
     def sigma(self) -> float:
@@ -215,15 +234,18 @@ class PathDiagnosis:
         block = _blocks(stage)
         found = []
         values = withheld(verdict) if verdict.adopted else {}
+        rest = left - sum(values.values(), np.zeros_like(left)) * good[:, None]
         for name in verdict.adopted:
             after = left - values[name] * good[:, None]
-            found.append(_proof(name, stage.name, left, after, block))
+            beside = _beside(stage, values[name], rest)
+            found.append(_proof(name, stage.name, left, after, block, beside))
             left = after
         for name in verdict.with_each:
             more = withheld(verdict, name)
             change = sum(more.values()) - sum(values.values(), np.zeros_like(left))
             after = left - change * good[:, None]
-            found.append(_proof(name, stage.name, left, after, block))
+            beside = _beside(stage, more[name], after)
+            found.append(_proof(name, stage.name, left, after, block, beside))
         return found
 
     @cached_property
@@ -274,8 +296,21 @@ def _blocks(stage: Stage) -> AnyIntArray:
     return np.asarray((np.arange(n) * STRETCHES) // max(1, n))
 
 
+def _beside(stage: Stage, value: FloatArray, rest: FloatArray) -> float:
+    """Return what a rest (n, 3) has [m] in the octaves in which an effect (n, 3) acts."""
+    cycle, stretches = stage.scene.recording.cycle, stage.scene.stretches
+    acts = octaves(value, stretches, cycle)
+    share = acts / max(float(acts.max()), 1e-30)
+    return float(np.sqrt(share @ octaves(rest, stretches, cycle)))
+
+
 def _proof(
-    name: str, stage: str, before: FloatArray, after: FloatArray, block: AnyIntArray
+    name: str,
+    stage: str,
+    before: FloatArray,
+    after: FloatArray,
+    block: AnyIntArray,
+    beside: float = 0.0,
 ) -> Proof:
     """Return the proof, with the interval of what other stretches would have shown."""
     count = int(block.max()) + 1
@@ -288,4 +323,4 @@ def _proof(
     shrunk = 1.0 - np.sqrt(second / np.maximum(first, 1e-30))
     low, high = np.quantile(shrunk, SURE)
     levels = [float(np.sqrt(s.sum() / rows.sum())) for s in sums]
-    return Proof(name, stage, levels[0], levels[1], (float(low), float(high)))
+    return Proof(name, stage, levels[0], levels[1], (float(low), float(high)), beside)

@@ -200,7 +200,7 @@ def _effect(found: PathDiagnosis, verdict: Verdict, proof: Proof) -> dict[str, A
     return {
         "name": name,
         "stage": stage.name,
-        "probability": round(verdict.probability[name], 6),
+        "probability": round(verdict.probability[name] * proof.outweighs, 6),
         "adopted": name in found.adopted and name in verdict.adopted,
         **_shrunk(proof),
         "judged_on": found.withheld_on,

@@ -141,6 +141,10 @@ def white_sigma(values: FloatArray, stretches: list[slice]) -> float:
     return float(NORMAL_MAD * np.median(np.abs(steps)) / np.sqrt(np.sum(DIFFERENCE**2)))
 
 
+LOWEST_OCTAVE = 0.1
+"""Where the octaves of a spectrum begin [Hz]: what is slower counts with the first."""
+OCTAVES = 16
+"""Up to 6.5 kHz: what is faster than any recording."""
 MEANS = (25, 100, 250)
 """Rows of the means that tell noise with a memory: 0.1 to 1 s at 4 ms."""
 
@@ -164,3 +168,26 @@ def memory(values: FloatArray, stretches: list[slice]) -> float:
         if len(found) > 1 and total > 0.0:
             worth = max(worth, float(np.mean(found**2)) * block / total)
     return worth
+
+
+def octaves(values: FloatArray, stretches: list[slice], cycle: float) -> FloatArray:
+    """Return the mean squares (OCTAVES,) of the octaves of (n, k), less that of white noise.
+
+    Args:
+        values: in time.
+        stretches: none is reached over.
+        cycle: between two rows [s].
+    """
+    energy = np.zeros(OCTAVES)
+    count = 0
+    for rows in stretches:
+        part = values[rows] - values[rows].mean(axis=0)
+        power = np.sum(np.abs(np.fft.rfft(part, axis=0)) ** 2, axis=1)[1:] * 2.0 / len(part)
+        frequency = np.fft.rfftfreq(len(part), cycle)[1:]
+        place = np.clip(np.log2(frequency / LOWEST_OCTAVE), 0, OCTAVES - 1).astype(int)
+        # the mean, not the median: noise that comes with speed counts as it is
+        steps = np.apply_along_axis(np.convolve, 0, part, DIFFERENCE, "valid")
+        white = np.sum(np.mean(steps**2, axis=0)) / np.sum(DIFFERENCE**2)
+        energy += np.bincount(place, power - 2.0 * white, OCTAVES)
+        count += len(part)
+    return np.asarray(np.maximum(energy, 0.0) / max(1, count))
