@@ -40,6 +40,7 @@ class PathEffect(ABC):
         stages: where it enters.
         rivals: effects that say the same in other words: one of them at most.
         keys: keys of its table in a model file.
+        is_cause: it can be named; else it only stands against those that can.
     """
 
     name: ClassVar[str]
@@ -48,6 +49,7 @@ class PathEffect(ABC):
     stages: ClassVar[tuple[str, ...]]
     rivals: ClassVar[tuple[str, ...]] = ()
     keys: ClassVar[tuple[str, ...]]
+    is_cause: ClassVar[bool] = True
 
     @abstractmethod
     def start(self, stage: Stage, rest: FloatArray, sigma: FloatArray) -> FloatArray | None:

@@ -20,7 +20,7 @@ from postproc.trace.recording import SHORTEST
 from postproc.trace.scene import Stage
 from postproc.trace.signals import memory, white_sigma
 
-FIT_ROWS = 16_000
+FIT_ROWS = 10_000
 """Rows that are fitted: enough for every figure, few enough for every set of effects."""
 PIECE_ROWS = 2_000
 """Rows of the pieces in which a longer recording is thinned for the fit: 8 s at 4 ms."""
@@ -35,7 +35,11 @@ WHOLE_RUNS = 3
 """Runs from which whole ones are withheld."""
 STRETCHES = 30
 """Stretches of the rows that are withheld in turn, and drawn for intervals."""
+HOPELESS = 5.0
+"""Logarithm of the odds against an effect from which it is not tried beside others."""
 WEIGHTLESS = 1e-12
+LAST = ("reversal_error", "vibration", "unknown")
+"""Order in which effects without rivals are begun: what is told by fewer rows first."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,23 +107,27 @@ def judged(stage: Stage) -> Verdict:
         name: float(sum(weight for key, weight in weights.items() if name in key)) for name in tried
     }
     best = max(weights, key=lambda key: (weights[key], sorted(key)))
+    for name in tried:
+        # what is too small to move any figure is not there
+        if not _matters(part, fits.get(best | {name}) or fits[frozenset({name})], name, sigma):
+            probability[name] = 0.0
     twins = _twins(best, weights)
+    silent = {name for name in best if not PATH_EFFECTS.get(name).is_cause}
     chosen = [
         name
-        for name in best
+        for name in best - silent
         if probability[name] + sum(probability[t] for t in twins.get(name, ())) >= PROBABLE
-        and _matters(part, fits[best], name, sigma)
     ]
-    adopted = frozenset(chosen)
-    fitted = fits.get(adopted) or fit(part, {n: fits[best].thetas[n] for n in adopted}, sigma)
-    order = sorted(adopted, key=lambda n: -_size(part, fitted, n))
+    kept = frozenset(chosen) | silent
+    fitted = fits.get(kept) or fit(part, {n: fits[best].thetas[n] for n in kept}, sigma)
+    order = sorted(chosen, key=lambda n: -_size(part, fitted, n))
     with_each = {}
     for name in tried:
-        key = adopted | {name}
-        if name not in adopted and key in fits:
+        key = kept | {name}
+        if name not in kept and key in fits and PATH_EFFECTS.get(name).is_cause:
             with_each[name] = fits[key]
-    kept = {name: twins[name] for name in adopted if name in twins}
-    return Verdict(part, sigma, worth, tuple(order), probability, fitted, with_each, kept)
+    alike = {name: twins[name] for name in chosen if name in twins}
+    return Verdict(part, sigma, worth, tuple(order), probability, fitted, with_each, alike)
 
 
 def _noise(stage: Stage, rest: FloatArray) -> FloatArray:
@@ -143,17 +151,29 @@ def _chains(stage: Stage, sigma: FloatArray) -> list[tuple[tuple[str, ...], Fit]
     """Return the fullest sets: one of each family of rivals, with everything that has no rival."""
     able = [(n, e) for n, e in PATH_EFFECTS if stage.name in e.stages]
     rivals = [n for n, e in able if any(r in dict(able) for r in e.rivals)]
-    alone = sorted((n for n, _ in able if n not in rivals), key=lambda n: n == "vibration")
+    alone = sorted(
+        (n for n, _ in able if n not in rivals), key=lambda n: LAST.index(n) if n in LAST else -1
+    )
     chains = []
     for first in [*rivals, None]:
-        thetas: dict[str, FloatArray] = {}
-        now = fit(stage, thetas, sigma)
-        for name in [*([first] if first else []), *alone]:
-            rest = rest_of(stage, now.thetas) - now.constants[:, None]
-            level = np.maximum(_noise(stage, rest), WEIGHTLESS)
-            theta = PATH_EFFECTS.get(name).start(stage, rest, level)
-            if theta is not None:
-                now = fit(stage, {**now.thetas, name: theta}, sigma)
+        now = fit(stage, {}, sigma)
+        waiting = [*([first] if first else []), *alone]
+        added = True
+        while waiting and added:
+            added = False
+            for name in tuple(waiting):
+                rest = rest_of(stage, now.thetas) - now.constants[:, None]
+                level = np.maximum(_noise(stage, rest), WEIGHTLESS)
+                theta = PATH_EFFECTS.get(name).start(stage, rest, level)
+                if theta is None:
+                    continue
+                more = fit(stage, {**now.thetas, name: theta}, sigma)
+                worth = _memory(stage, rest_of(stage, more.thetas) - more.constants[:, None])
+                pair = [_evidence(found, sigma, worth) for found in (now, more)]
+                # whatever else is found, what is as unlikely as this alone stays out
+                if pair[1] > pair[0] - HOPELESS:
+                    now, added = more, True
+                    waiting.remove(name)
         chains.append((tuple(now.thetas), now))
     return chains
 
@@ -173,19 +193,35 @@ def _weights(
         sigma: (m,) noise without memory.
         worth: (m,) rows that are worth an independent one.
     """
-    logs = {}
-    for key, found in fits.items():
-        count = found.count / worth
-        # what is below the noise of the rows is no merit
-        floor = (0.5 * sigma) ** 2 * found.count
-        left = np.log(np.maximum(found.squares, np.maximum(floor, 1e-30)))
-        cost = 0.5 * float(np.sum(count * left))
-        cost += 0.5 * found.free * float(np.log(max(2.0, count.mean())))
-        logs[key] = -cost + len(key) * float(np.log(PRIOR_ODDS))
+    logs = {key: _evidence(found, sigma, worth) for key, found in fits.items()}
     top = max(logs.values())
     weights = {key: float(np.exp(value - top)) for key, value in logs.items()}
     total = sum(weights.values())
     return {key: weight / total for key, weight in weights.items()}
+
+
+def _evidence(found: Fit, sigma: FloatArray, worth: FloatArray) -> float:
+    """Return the logarithm of the posterior probability of a set, but for a constant."""
+    # what is below the noise of the rows is no merit
+    floor = (0.5 * sigma) ** 2 * found.count
+    left = np.log(np.maximum(found.squares, np.maximum(floor, 1e-30)))
+    cost = 0.5 * float(np.sum(found.count / worth * left)) + _price(found, sigma, worth)
+    return len(found.thetas) * float(np.log(PRIOR_ODDS)) - cost
+
+
+def _price(found: Fit, sigma: FloatArray, worth: FloatArray) -> float:
+    """Return what the freedom of a set costs: how much narrower the rows made its usual sizes."""
+    one = np.log(max(2.0, float(np.mean(found.count / worth))))
+    rows = found.squares / np.maximum(found.count, 1.0) / np.maximum(sigma, WEIGHTLESS) ** 2
+    wider = float(np.sqrt(np.mean(worth * np.maximum(rows, 1.0))))
+    price, told = 0.0, 0
+    for name, theta in found.thetas.items():
+        width = PATH_EFFECTS.get(name).widths(theta)
+        deviation = wider * found.deviations[name]
+        sized = np.isfinite(width) & np.isfinite(deviation) & (theta != 0.0)
+        told += int(sized.sum())
+        price += float(np.sum(np.log(np.maximum(1.0, width[sized] / deviation[sized]))))
+    return price + 0.5 * one * max(0, found.free - told)
 
 
 def _twins(
@@ -246,4 +282,4 @@ def withheld(verdict: Verdict, extra: str | None = None) -> dict[str, FloatArray
         trained = fit(stage, start.thetas, verdict.sigma, ~out, steps=2)
         for name, value in values_of(stage, trained.thetas).items():
             found[name][out] = stage.at_tool(value)[out]
-    return found
+    return {name: value for name, value in found.items() if PATH_EFFECTS.get(name).is_cause}

@@ -5,17 +5,19 @@ Everything is per stretch; nothing reaches over its end. Arrays are (n,) or (n, 
 
 from __future__ import annotations
 
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.signal import cont2discrete, lfilter, lfilter_zi
+from scipy.signal import cont2discrete, lfilter
 
 from postproc.arrays import FloatArray
 
 DIFFERENCE = np.array([1.0, -3.0, 3.0, -1.0])
 """Third difference: blind to slow motion, and to the swing of the arm at 4 ms and less."""
+FINE = 2e-3
+"""Step [s] at which filters run: jerk-limited ramps of 20 ms and more are told in it."""
 NORMAL_MAD = 1.4826
 """Standard deviation of normal numbers over their median size."""
 
@@ -54,42 +56,45 @@ class Course:
         """Return the first derivative (m, k), constant beyond the ends."""
         return np.asarray(self._rate(np.clip(time, self.time[0], self.time[-1])))
 
-    def filtered(self, time_constant: float) -> Course:
-        """Return the signal behind a first-order lag of this time constant [s].
-
-        The stretch counts as having gone on as it begins.
-        """
-        step = self.cycle
-        count = max(4, int(np.ceil((self.time[-1] - self.time[0]) / step)) + 1)
-        time = self.time[0] + step * np.arange(count)
-        values = self.at(time)
-        # exact for a signal that is straight between samples
-        ratio = time_constant / step
-        decay = float(np.exp(-1.0 / ratio))
-        new, old = 1.0 - ratio * (1.0 - decay), ratio * (1.0 - decay) - decay
-        start = values[0] - time_constant * self.ends[0][1]
-        state = decay * start + old * values[0]
-        out, _ = lfilter([new, old], [1.0, -decay], values[1:], axis=0, zi=state[None])
-        return Course(time, np.concatenate([start[None], out]))
+    @cached_property
+    def fine(self) -> FloatArray:
+        """Times (m,) at equal steps in which no jerk is lost, from the first row on."""
+        count = max(4, int(np.ceil((self.time[-1] - self.time[0]) / self.cycle)) + 1)
+        parts = max(1, int(np.ceil(self.cycle / FINE)))
+        return np.asarray(self.time[0] + self.cycle / parts * np.arange(count * parts))
 
 
-def swing(time: FloatArray, drive: FloatArray, frequency: float, damping: float) -> FloatArray:
+def behind(step: float, values: FloatArray, first: float, second: float) -> FloatArray:
+    """Return values (m, k) at equal steps [s] behind ``1 / (1 + first s + second s^2)``.
+
+    Before the first row stood the first value.
+    """
+    top, below = _digital(step, first, second)
+    start = values[:1]
+    return np.asarray(start + lfilter(top, below, values - start, axis=0))
+
+
+@lru_cache(maxsize=256)
+def _digital(step: float, first: float, second: float) -> tuple[FloatArray, FloatArray]:
+    """Return the filter that is exact for a signal straight between samples."""
+    bottom = [second, first, 1.0] if second > 0.0 else [first, 1.0]
+    top, below, _ = cont2discrete(([1.0], bottom), step, method="foh")  # type: ignore[call-overload]
+    return np.asarray(top[0]), np.asarray(below)
+
+
+def swing(step: float, drive: FloatArray, frequency: float, damping: float) -> FloatArray:
     """Return how a mode moves (m, k) [m, rad] that its acceleration drives.
 
     ``y'' + 2 z w y' + w^2 y = -drive``, at rest in the beginning.
 
     Args:
-        time: (m,) [s] at equal steps.
+        step: [s] between rows.
         drive: (m, k) acceleration.
         frequency: natural one [Hz].
         damping: share of the critical one.
     """
     w = 2.0 * np.pi * frequency
-    step = float(time[1] - time[0])
-    system = ([-1.0], [1.0, 2.0 * damping * w, w * w])
-    top, bottom, _ = cont2discrete(system, step, method="foh")  # type: ignore[call-overload]
-    state = lfilter_zi(top[0], bottom)[:, None] * drive[:1]
-    return np.asarray(lfilter(top[0], bottom, drive, axis=0, zi=state)[0])
+    return -behind(step, drive, 2.0 * damping / w, 1.0 / w**2) / w**2
 
 
 def last_motion(position: FloatArray, dead: float) -> FloatArray:

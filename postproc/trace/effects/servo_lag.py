@@ -21,11 +21,15 @@ TELLS = 1.0 * MS
 """A delay that is less sure [s] is not told."""
 LONGEST = 0.2
 """No position loop is slower [s]."""
+LOOP = 0.05
+"""Time [s] of a position loop of 20 per second, of the slow ones."""
+RINGS = 0.5
+"""Damping below which a loop would ring after each corner: no drive is tuned so."""
 
 
 @register
 class ServoLag(PathEffect):
-    """Dead time and first-order lag per joint: theta = six delays, six time constants [s].
+    """Dead time and a loop of second order per joint: six delays, six constants [s], six [s^2].
 
     The delay is that of slow motions, dead time and time constant together; negative: the
     pre-control is too strong, and the joint runs ahead.
@@ -36,7 +40,7 @@ class ServoLag(PathEffect):
     action = "lower the feed in corners, or tune the pre-control of the drives"
     stages = (JOINTS, WHOLE)
     rivals = ("controller_delay", "clock_offset")
-    keys = ("delay_ms", "time_constant_ms")
+    keys = ("delay_ms", "time_constant_ms", "loop_damping")
 
     def start(self, stage: Stage, rest: FloatArray, sigma: FloatArray) -> FloatArray | None:
         """Find delay and time constant of each joint by its speed and acceleration."""
@@ -44,7 +48,7 @@ class ServoLag(PathEffect):
         moves = moving(stage, FAST)
         if moves.sum() < 2:
             return None
-        theta = np.zeros(12)
+        theta = np.zeros(18)
         if not stage.in_joints:
             return theta
         scene = stage.scene
@@ -52,13 +56,17 @@ class ServoLag(PathEffect):
             good = scene.known & np.isfinite(rest[joint])
             total = 0.0
             for _ in range(4):
-                value, rate = lagged(stage, joint, total, 0.0), self._rate(stage, joint, total)
+                value, rate = (
+                    lagged(stage, joint, (total, 0.0, 0.0)),
+                    self._rate(stage, joint, total),
+                )
                 acceleration = np.gradient(scene.speed[:, joint], scene.time)
                 X = np.stack([rate, acceleration, np.ones(len(rate))], axis=1)[good]
                 step = np.linalg.lstsq(X, (rest[joint] - value)[good], rcond=None)[0]
                 total = float(np.clip(total + step[0], -LONGEST, LONGEST))
             theta[joint] = total
-            theta[6 + joint] = min(np.sqrt(max(0.0, 2.0 * step[1])), LONGEST)
+            usual = max(np.sqrt(max(0.0, 2.0 * step[1])), 0.2 * abs(total), 2.0 * SHORT)
+            theta[6 + joint] = min(usual, LONGEST)
         return theta
 
     @staticmethod
@@ -71,25 +79,28 @@ class ServoLag(PathEffect):
         pieces: list[Piece] = []
         slow = ~moving(stage, FAST)
         for joint in range(6):
-            total, constant = float(theta[joint]), float(theta[6 + joint])
+            times = (float(theta[joint]), float(theta[6 + joint]), float(theta[12 + joint]))
             if slow[joint] or (stage.in_joints and joint >= len(stage.gap)):
                 continue
             if not tangent:
-                joints[:, joint] = lagged(stage, joint, total, constant)
+                joints[:, joint] = lagged(stage, joint, times)
                 continue
-            joints[:, joint], slopes = with_slopes(stage, joint, total, constant)
-            free = (joint, 6 + joint)[: slopes.shape[1]]
+            joints[:, joint], slopes = with_slopes(stage, joint, times)
+            free = (joint, 6 + joint, 12 + joint)[: slopes.shape[1]]
             pieces += stage.lift(joint, free, slopes)
         return Part(stage.lifted(joints), pieces)
 
     def widths(self, theta: FloatArray) -> FloatArray:
         """Return the times of position loops from 20 to 50 per second."""
-        return np.full(len(theta), 0.05)
+        return np.repeat([LOOP, LOOP, LOOP**2], len(theta) // 3)
 
     def moved(self, theta: FloatArray, step: FloatArray) -> FloatArray:
-        """Return delays, and time constants that are not negative."""
+        """Return delays, time constants that are not negative, and loops that do not ring."""
         new = np.clip(theta + step, -LONGEST, LONGEST)
-        new[6:] = np.maximum(new[6:], 0.0)
+        loop = slice(6, None)
+        # a loop that leaps to nothing never comes back
+        new[loop] = np.maximum(new[loop], 0.5 * theta[loop])
+        new[12:] = np.minimum(new[12:], (new[6:12] / (2.0 * RINGS)) ** 2)
         return np.asarray(new)
 
     def count(self, theta: FloatArray) -> int:
@@ -99,10 +110,11 @@ class ServoLag(PathEffect):
     def table(self, stage: Stage, theta: FloatArray, deviation: FloatArray) -> dict[str, Any]:
         """Return six delays, and the time constants."""
         unsure = np.where(moving(stage, FAST), deviation[:6], np.inf)
-        constants = np.where(theta[6:] >= SHORT, theta[6:], 0.0)
+        constants = np.where(theta[6:12] >= SHORT, theta[6:12], 0.0)
         return {
             "delay_ms": seen(theta[:6], unsure, TELLS, MS),
             "time_constant_ms": seen(constants, unsure, TELLS, MS),
+            "loop_damping": seen(_damping(constants, theta[12:]), unsure, TELLS, 1.0),
         }
 
     def read(self, model: ModelFile, table: Mapping[str, Any]) -> FloatArray | None:
@@ -110,6 +122,16 @@ class ServoLag(PathEffect):
         if "delay_ms" not in table:
             return None
         delay = model.values(self.name, "delay_ms", (6,))
-        constant = model.values(self.name, "time_constant_ms", (6,), optional=True)
-        parts = [np.zeros(6) if part is None else part for part in (delay, constant)]
-        return np.asarray(np.nan_to_num(np.concatenate(parts)))
+        first, damping = (model.values(self.name, k, (6,), optional=True) for k in self.keys[1:])
+        theta = np.zeros((3, 6))
+        theta[0] = np.nan_to_num(np.zeros(6) if delay is None else delay)
+        theta[1] = np.nan_to_num(np.zeros(6) if first is None else first)
+        if damping is not None:
+            theta[2] = np.nan_to_num(theta[1] / (2.0 * damping), posinf=0.0) ** 2
+        return theta.ravel()
+
+
+def _damping(first: FloatArray, second: FloatArray) -> FloatArray:
+    """Return the damping of loops, NaN for one of first order."""
+    found = np.full(len(first), np.nan)
+    return np.divide(first, 2.0 * np.sqrt(second), out=found, where=(first > 0) & (second > 0))

@@ -12,7 +12,7 @@ from postproc.model import ModelFile
 from postproc.trace.effect import JOINTS, TOOL, WHOLE, Part, PathEffect, register
 from postproc.trace.phases import CUT
 from postproc.trace.scene import Piece, Stage
-from postproc.trace.signals import swing
+from postproc.trace.signals import Course, swing
 from postproc.units import MM
 
 LOWEST = 2.0
@@ -20,9 +20,15 @@ LOWEST = 2.0
 HIGHEST = 0.4
 """Share of the sampling rate up to which a swing can be told."""
 CANDIDATES = 4
-"""Lines of the spectrum that are tried: the path's own rhythm may be larger than the mode."""
-DAMPINGS = (0.01, 0.03, 0.08)
-"""Shares of the critical damping: arms have one to four percent."""
+"""Lines of the spectrum that are tried."""
+MODES = 3
+"""Modes that are tried on all rows."""
+DAMPING = 0.03
+"""Share of the critical damping that modes are searched with: arms have one to four percent."""
+WIDE = 1.3
+"""Distance of the modes that are tried, against their damping: a mode is twice as wide."""
+DAMPED = 0.1
+"""Largest damping of a mode: what is damped more is a loop that follows, not an arm that swings."""
 WINDOW = 2.0
 """Length [s] of the pieces whose spectra are summed: half a hertz of resolution."""
 APART = 1.0
@@ -55,23 +61,23 @@ class Vibration(PathEffect):
         if not good.any() or not scene.phases.moves.any():
             return None
         clean = np.where(np.isfinite(rest), rest, 0.0) / np.maximum(sigma, 1e-12)[:, None]
-        kinds = [_DRIVEN, _LINE]
+        kinds = [_LINE]
         if not scene.phases.moves.all():
             kinds.append(_LINE_MOVING)
         if (scene.phases.phase == CUT).any():
             kinds.append(_LINE_CUT)
-        for frequency in _peaks(stage, clean):
-            for kind in kinds:
-                for damping in DAMPINGS if kind == _DRIVEN else (0.0,):
-                    theta = np.array([float(kind), frequency, damping])
-                    columns = _columns(stage, theta)[good]
-                    left = _left(columns, clean[:, good].T)
-                    # one more parameter costs the logarithm of the rows
-                    cost = np.log(left) * clean[:, good].size
-                    cost += columns.shape[1] * len(rest) * np.log(good.sum())
-                    if cost < best:
-                        best = cost
-                        found = np.concatenate([theta, np.zeros(columns.shape[1] * len(rest))])
+        tried = [(kind, f, 0.0) for f in _peaks(stage, clean) for kind in kinds]
+        tried += [(_DRIVEN, f, DAMPING) for f in _modes(stage, clean)]
+        for kind, frequency, damping in tried:
+            theta = np.array([float(kind), frequency, damping])
+            columns = _columns(stage, theta)[good]
+            left = _left(columns, clean[:, good].T)
+            # one more parameter costs the logarithm of the rows
+            cost = np.log(left) * clean[:, good].size
+            cost += columns.shape[1] * len(rest) * np.log(good.sum())
+            if cost < best:
+                best = cost
+                found = np.concatenate([theta, np.zeros(columns.shape[1] * len(rest))])
         return found
 
     def part(self, stage: Stage, theta: FloatArray, tangent: bool = True) -> Part:
@@ -104,7 +110,7 @@ class Vibration(PathEffect):
         new = theta + step
         new[0] = theta[0]
         new[1] = max(LOWEST, theta[1] + float(np.clip(step[1], -0.2, 0.2)))
-        new[2] = float(np.clip(theta[2] + np.clip(step[2], -0.01, 0.01), 0.0, 0.3))
+        new[2] = float(np.clip(theta[2] + np.clip(step[2], -0.01, 0.01), 0.0, DAMPED))
         return np.asarray(new)
 
     def count(self, theta: FloatArray) -> int:
@@ -136,7 +142,7 @@ def _columns(stage: Stage, theta: FloatArray) -> FloatArray:
     if kind == _DRIVEN:
         parts = []
         for (even, drive), rows in zip(_drives(stage), scene.stretches, strict=True):
-            swings = swing(even, drive, frequency, damping)
+            swings = swing(float(even[1] - even[0]), drive, frequency, damping)
             time = scene.time[rows]
             parts.append(np.stack([np.interp(time, even, s) for s in swings.T], axis=1))
         return np.concatenate(parts)
@@ -161,14 +167,37 @@ def _drives(stage: Stage) -> Iterator[tuple[FloatArray, FloatArray]]:
     """Yield times at equal steps and the acceleration (m, 3) of the tool point, per stretch."""
     scene = stage.scene
     for number, rows in enumerate(scene.stretches):
-        even = scene.even(rows)
+        course = Course(scene.time[rows], scene.points[rows])
+        even = course.fine
+        rate = course.spline.derivative(2)
+        key = ("drive", number)
+        yield (
+            even,
+            scene.kept(key, lambda t=even, r=rate, last=course.time[-1]: r(np.minimum(t, last))),
+        )
 
-        def make(rows: slice = rows, even: FloatArray = even) -> FloatArray:
-            time = scene.time[rows]
-            at = np.stack([np.interp(even, time, p) for p in scene.points[rows].T], axis=1)
-            return np.asarray(np.gradient(np.gradient(at, even, axis=0), even, axis=0))
 
-        yield even, scene.kept(("drive", number), make)
+def _modes(stage: Stage, clean: FloatArray) -> list[float]:
+    """Return the frequencies [Hz] of the modes that leave least of values (m, n), best first.
+
+    The largest line of a spectrum may be the path's own rhythm; a mode is driven by the path. One
+    stretch tells.
+    """
+    scene = stage.scene
+    drives = list(_drives(stage))
+    number = int(np.argmax([part.stop - part.start for part in scene.stretches]))
+    even, drive = drives[number]
+    rows = scene.stretches[number]
+    step, time = float(even[1] - even[0]), scene.time[rows]
+    values = clean[:, rows].T - clean[:, rows].mean(axis=1)
+    top = HIGHEST / max(scene.recording.cycle, 1e-6)
+    tried = np.exp(np.arange(np.log(LOWEST), np.log(top), WIDE * DAMPING))
+    left = []
+    for frequency in tried.tolist():
+        swings = swing(step, drive, frequency, DAMPING)
+        columns = np.stack([np.interp(time, even, s) for s in swings.T], axis=1)
+        left.append(_left(columns - columns.mean(axis=0), values))
+    return [float(f) for f in tried[np.argsort(left, kind="stable")[:MODES]]]
 
 
 def _left(columns: FloatArray, values: FloatArray) -> float:

@@ -52,24 +52,23 @@ def servo_lag(m: Motion, rng: np.random.Generator) -> None:
         if kind == "dead":
             m.actual[:, k] = late(x[:, None], delay)[:, 0]
         elif kind == "first":
-            y = np.empty_like(x)
-            y[0] = x[0]
-            decay, middle = np.exp(-FINE / delay), 0.5 * (x[1:] + x[:-1])
-            for i in range(1, len(x)):
-                y[i] = middle[i - 1] + (y[i - 1] - middle[i - 1]) * decay
+            decay, middle = float(np.exp(-FINE / delay)), 0.5 * (x[1:] + x[:-1])
+            y = [float(x[0])]
+            for goal in middle.tolist():
+                y.append(goal + (y[-1] - goal) * decay)
             m.actual[:, k] = y
         else:
             damping = 0.8
             w = 2.0 * damping / delay
-            y, v = x[0], 0.0
-            out = np.empty_like(x)
+            y, v = float(x[0]), 0.0
+            out = []
             fine = FINE / 4
-            for i in range(len(x)):
-                out[i] = y
-                goals = np.linspace(x[i], x[min(i + 1, len(x) - 1)], 5)
-                for goal in 0.5 * (goals[1:] + goals[:-1]):
+            for now, then in zip(x.tolist(), [*x[1:].tolist(), float(x[-1])], strict=True):
+                out.append(y)
+                for share in (0.125, 0.375, 0.625, 0.875):
                     # the middle of a step, so that the step adds no delay
                     middle = y + 0.5 * fine * v
+                    goal = now + share * (then - now)
                     v += fine * (w * w * (goal - middle) - 2.0 * damping * w * v)
                     y += fine * v
             m.actual[:, k] = out

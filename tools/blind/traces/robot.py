@@ -16,15 +16,27 @@ AHEAD = 0.5
 
 def fk(arm: Dimensions, tool: Array, q: Array) -> tuple[Array, Array]:
     """Return tool points (n, 3) [m] and rotations (n, 3, 3) of joint angles (n, 6) [rad]."""
+    points, R, _ = _chained(arm, tool, q)
+    return points, R
+
+
+def _chained(arm: Dimensions, tool: Array, q: Array) -> tuple[Array, Array, Array]:
+    """Return tool points, rotations, and the Jacobian (n, 6, 6): point then rotation."""
     n = len(q)
     R, p = np.tile(np.eye(3), (n, 1, 1)), np.zeros((n, 3))
+    axes, places = np.empty((n, 3, 6)), np.empty((n, 3, 6))
     for k in range(6):
         turn = _rotation(arm.axis[k], q[:, k])
-        shift = arm.point[k] - turn @ arm.point[k]
-        p = p + np.einsum("nij,nj->ni", R, shift)
+        axes[:, :, k] = R @ arm.axis[k]
+        places[:, :, k] = p + R @ arm.point[k]
+        p = p + np.einsum("nij,nj->ni", R, arm.point[k] - turn @ arm.point[k])
         R = R @ turn
     end = arm.flange[:3, 3] + arm.flange[:3, :3] @ tool
-    return p + R @ end, R @ arm.flange[:3, :3]
+    points = p + R @ end
+    J = np.empty((n, 6, 6))
+    J[:, :3] = np.cross(axes, points[:, :, None] - places, axis=1)
+    J[:, 3:] = axes
+    return points, R @ arm.flange[:3, :3], J
 
 
 def _rotation(axis: Array, angle: Array) -> Array:
@@ -34,17 +46,8 @@ def _rotation(axis: Array, angle: Array) -> Array:
 
 
 def jacobian(arm: Dimensions, tool: Array, q: Array) -> Array:
-    """Return (n, 6, 6): point then rotation, by differences."""
-    p0, R0 = fk(arm, tool, q)
-    J, step = np.zeros((len(q), 6, 6)), 1e-6
-    for k in range(6):
-        moved = q.copy()
-        moved[:, k] += step
-        p, R = fk(arm, tool, moved)
-        J[:, :3, k] = (p - p0) / step
-        W = (R @ R0.transpose(0, 2, 1) - np.eye(3)) / step
-        J[:, 3:, k] = np.stack([W[:, 2, 1], W[:, 0, 2], W[:, 1, 0]], axis=1)
-    return J
+    """Return (n, 6, 6): point then rotation."""
+    return _chained(arm, tool, q)[2]
 
 
 def ik(arm: Dimensions, tool: Array, start: Array, points: Array) -> Array:
@@ -64,13 +67,15 @@ def ik(arm: Dimensions, tool: Array, start: Array, points: Array) -> Array:
 
 def _newton(arm: Dimensions, tool: Array, q: Array, R: Array, points: Array) -> Array:
     for _ in range(7):
-        p, now = fk(arm, tool, q)
+        p, now, J = _chained(arm, tool, q)
         E = R @ now.transpose(0, 2, 1)
         turn = 0.5 * np.stack(
             [E[:, 2, 1] - E[:, 1, 2], E[:, 0, 2] - E[:, 2, 0], E[:, 1, 0] - E[:, 0, 1]], axis=1
         )
         error = np.concatenate([points - p, turn], axis=1)
-        q = q + np.linalg.solve(jacobian(arm, tool, q), error[..., None])[..., 0]
+        if np.abs(error).max() < 1e-12:
+            break
+        q = q + np.linalg.solve(J, error[..., None])[..., 0]
     return q
 
 
