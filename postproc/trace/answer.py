@@ -206,7 +206,12 @@ class PathDiagnosis:
 
     @cached_property
     def verdict(self) -> str:
-        """``explained``, ``no_gap`` or ``unexplained``."""
+        """``explained``, ``no_gap``, ``unexplained``, or ``undetermined`` where nothing is noise.
+
+        An actual angle that is a copy of the command was not measured.
+        """
+        if self.sigma == 0.0 and not self.adopted:
+            return "undetermined"
         if self.slow(self.rest) > NOISE_LIKE * self.sigma:
             return "unexplained"
         return "explained" if self.adopted else "no_gap"

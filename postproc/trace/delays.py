@@ -17,18 +17,20 @@ Times = tuple[float, float, float]
 
 
 def delayed(stage: Stage, delay: float) -> tuple[FloatArray, FloatArray]:
-    """Return how far (n, 6) the joints are from the set-point so much later, and the slope.
+    """Return how far (m, n) outputs are from those so much later, and the slope.
 
     Args:
         stage: whose reference is delayed.
         delay: [s], negative: ahead.
     """
     scene = stage.scene
-    value, rate = np.empty_like(scene.reference), np.empty_like(scene.reference)
-    for course, rows in zip(scene.courses, scene.stretches, strict=True):
-        time = scene.time[rows]
-        value[rows] = course.at(time - delay) - scene.reference[rows]
-        rate[rows] = -course.rate(time - delay)
+    value, rate = np.empty_like(stage.gap), np.empty_like(stage.gap)
+    for course, rows in zip(
+        scene.courses if stage.in_joints else scene.ways, scene.stretches, strict=True
+    ):
+        time, outputs = scene.time[rows], slice(len(stage.gap))
+        value[:, rows] = (course.at(time - delay) - course.at(time))[:, outputs].T
+        rate[:, rows] = -course.rate(time - delay)[:, outputs].T
     return value, rate
 
 

@@ -13,6 +13,7 @@ from postproc.trace.answer import PathDiagnosis, Proof
 from postproc.trace.classes import unexplained
 from postproc.trace.effect import PATH_EFFECTS, PROGRAM
 from postproc.trace.evidence import Verdict
+from postproc.trace.iso import figures
 from postproc.trace.phases import NAMES
 from postproc.trace.planner import Planned
 from postproc.units import MM
@@ -54,6 +55,7 @@ def document(found: PathDiagnosis) -> dict[str, Any]:
             "lines": _lines(found, size, worst),
             "joints": _joints(found),
         },
+        "iso9283": figures(found.scene, found.scene.points + found.gap, found.match),
         "effects": _effects(found),
         "adopted": list(found.adopted),
         "residual": {"rms_mm": _mm(_rms(left)), "explained_share": _share(left, total)},
@@ -222,7 +224,7 @@ def _not_testable(found: PathDiagnosis) -> list[dict[str, Any]]:
     if found.match is None:
         rows = [{"name": name, "needs": needs["program"]} for name in sorted(PLANNER)]
     for name, effect in PATH_EFFECTS:
-        if not have & set(effect.stages):
+        if effect.is_cause and not have & set(effect.stages):
             first = next((s for s in effect.stages if s in needs), "tool")
             rows.append({"name": name, "needs": needs[first]})
     return rows

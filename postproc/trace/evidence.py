@@ -33,13 +33,13 @@ MATTERS = 0.25
 FOLDS = 3
 WHOLE_RUNS = 3
 """Runs from which whole ones are withheld."""
+APART = 8
+"""Independent rows that are withheld together, where no run can be."""
 STRETCHES = 30
-"""Stretches of the rows that are withheld in turn, and drawn for intervals."""
+"""Stretches of the rows that are drawn for intervals."""
 HOPELESS = 5.0
 """Logarithm of the odds against an effect from which it is not tried beside others."""
 WEIGHTLESS = 1e-12
-LAST = ("reversal_error", "vibration", "unknown")
-"""Order in which effects without rivals are begun: what is told by fewer rows first."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,20 +87,17 @@ def judged(stage: Stage) -> Verdict:
     """
     part = thinned(stage)
     sigma = _noise(part, part.gap)
-    chains = _chains(part, sigma)
-    fullest = min((full for _, full in chains), key=lambda full: _unexplained(full))
-    rest = rest_of(part, fullest.thetas) - fullest.constants[:, None]
+    fits, fullest = _grown(part, sigma)
+    best_full = min(fullest, key=lambda key: _unexplained(fits[key]))
+    rest = rest_of(part, fits[best_full].thetas) - fits[best_full].constants[:, None]
     sigma = _noise(part, rest)
     worth = _memory(part, rest)
-    fits: dict[frozenset[str], Fit] = {}
-    for _, full in chains:
-        names = list(full.thetas)
-        for size in range(len(names) + 1):
-            for members in combinations(names, size):
+    for full in fullest:
+        for size in range(len(full)):
+            for members in combinations(sorted(full), size):
                 key = frozenset(members)
-                if key not in fits:
-                    start = {name: full.thetas[name] for name in members}
-                    fits[key] = full if size == len(names) else fit(part, start, sigma, steps=3)
+                start = {name: fits[full].thetas[name] for name in members}
+                fits[key] = fits.get(key) or fit(part, start, sigma, steps=3)
     weights = _weights(fits, sigma, worth)
     tried = sorted(set().union(*fits))
     probability = {
@@ -147,35 +144,46 @@ def _memory(stage: Stage, rest: FloatArray) -> FloatArray:
     return np.array([memory(np.nan_to_num(row), stage.scene.stretches) for row in rest])
 
 
-def _chains(stage: Stage, sigma: FloatArray) -> list[tuple[tuple[str, ...], Fit]]:
-    """Return the fullest sets: one of each family of rivals, with everything that has no rival."""
+def _grown(
+    stage: Stage, sigma: FloatArray
+) -> tuple[dict[frozenset[str], Fit], list[frozenset[str]]]:
+    """Return the sets that were tried, and of these the fullest.
+
+    One set for each family of rivals and one without: it grows by the effect that tells most, as
+    long as one tells anything. What a large effect hides is tried again when that is in.
+    """
     able = [(n, e) for n, e in PATH_EFFECTS if stage.name in e.stages]
     rivals = [n for n, e in able if any(r in dict(able) for r in e.rivals)]
-    alone = sorted(
-        (n for n, _ in able if n not in rivals), key=lambda n: LAST.index(n) if n in LAST else -1
-    )
-    chains = []
+    alone = [n for n, _ in able if n not in rivals]
+    nothing: frozenset[str] = frozenset()
+    fits = {nothing: fit(stage, {}, sigma)}
+    mute: set[frozenset[str]] = set()
+    fullest = []
     for first in [*rivals, None]:
-        now = fit(stage, {}, sigma)
-        waiting = [*([first] if first else []), *alone]
-        added = True
-        while waiting and added:
-            added = False
-            for name in tuple(waiting):
-                rest = rest_of(stage, now.thetas) - now.constants[:, None]
-                level = np.maximum(_noise(stage, rest), WEIGHTLESS)
-                theta = PATH_EFFECTS.get(name).start(stage, rest, level)
-                if theta is None:
-                    continue
-                more = fit(stage, {**now.thetas, name: theta}, sigma)
-                worth = _memory(stage, rest_of(stage, more.thetas) - more.constants[:, None])
-                pair = [_evidence(found, sigma, worth) for found in (now, more)]
-                # whatever else is found, what is as unlikely as this alone stays out
-                if pair[1] > pair[0] - HOPELESS:
-                    now, added = more, True
-                    waiting.remove(name)
-        chains.append((tuple(now.thetas), now))
-    return chains
+        now, waiting = nothing, [*([first] if first else []), *alone]
+        while waiting:
+            gains = []
+            for name in waiting:
+                key = now | {name}
+                if key not in fits and key not in mute:
+                    rest = rest_of(stage, fits[now].thetas) - fits[now].constants[:, None]
+                    level = np.maximum(_noise(stage, rest), WEIGHTLESS)
+                    theta = PATH_EFFECTS.get(name).start(stage, rest, level)
+                    if theta is None:
+                        mute.add(key)
+                    else:
+                        fits[key] = fit(stage, {**fits[now].thetas, name: theta}, sigma)
+                if key in fits:
+                    rest = rest_of(stage, fits[key].thetas) - fits[key].constants[:, None]
+                    worth = _memory(stage, rest)
+                    pair = [_evidence(fits[k], sigma, worth) for k in (key, now)]
+                    gains.append((pair[0] - pair[1], name))
+            if not gains or max(gains)[0] < -HOPELESS:
+                break
+            now |= {max(gains)[1]}
+            waiting.remove(max(gains)[1])
+        fullest.append(now)
+    return fits, fullest
 
 
 def _unexplained(found: Fit) -> float:
@@ -221,7 +229,7 @@ def _price(found: Fit, sigma: FloatArray, worth: FloatArray) -> float:
         sized = np.isfinite(width) & np.isfinite(deviation) & (theta != 0.0)
         told += int(sized.sum())
         price += float(np.sum(np.log(np.maximum(1.0, width[sized] / deviation[sized]))))
-    return price + 0.5 * one * max(0, found.free - told)
+    return float(price + 0.5 * one * max(0, found.free - told))
 
 
 def _twins(
@@ -255,13 +263,17 @@ def _matters(stage: Stage, found: Fit, name: str, sigma: FloatArray) -> bool:
     return bool(np.any(np.maximum(strongest, 0.5 * busy) > MATTERS * sigma))
 
 
-def folds_of(stage: Stage) -> IntArray:
-    """Return which fold (n,) each row is withheld in: whole runs, or stretches in turn."""
+def folds_of(stage: Stage, worth: float) -> IntArray:
+    """Return which fold (n,) each row is withheld in: whole runs, or stretches in turn.
+
+    A stretch is as long as ``APART`` independent rows: what is seen once can be proven only on
+    a part of itself.
+    """
     run = stage.scene.recording.run
     runs, number = np.unique(run, return_inverse=True)
     if len(runs) >= WHOLE_RUNS:
         return np.asarray(number % FOLDS, dtype=np.int32)
-    block = (np.arange(len(run)) * STRETCHES) // max(1, len(run))
+    block = (np.arange(len(run)) / (APART * worth)).astype(np.int32)
     return np.asarray(block % FOLDS, dtype=np.int32)
 
 
@@ -274,7 +286,7 @@ def withheld(verdict: Verdict, extra: str | None = None) -> dict[str, FloatArray
     """
     stage = verdict.stage
     start = verdict.fitted if extra is None else verdict.with_each[extra]
-    fold = folds_of(stage)
+    fold = folds_of(stage, float(verdict.worth.max()))
     n = stage.gap.shape[1]
     found = {name: np.zeros((n, 3)) for name in start.thetas}
     for number in np.unique(fold):

@@ -56,6 +56,12 @@ class Scene:
         return [Course(self.time[rows], self.reference[rows]) for rows in self.stretches]
 
     @cached_property
+    def ways(self) -> list[Course]:
+        """The tool point of the reference of each stretch as a function of time."""
+        points = carried(self.kinematics, self.reference, self.tool)
+        return [Course(self.time[rows], points[rows]) for rows in self.stretches]
+
+    @cached_property
     def single(self) -> list[list[Course]]:
         """The reference of each joint in each stretch."""
         parts = self.stretches

@@ -97,11 +97,11 @@ def swing(step: float, drive: FloatArray, frequency: float, damping: float) -> F
     return -behind(step, drive, 2.0 * damping / w, 1.0 / w**2) / w**2
 
 
-def last_motion(position: FloatArray, dead: float) -> FloatArray:
+def last_motion(position: FloatArray, dead: float, way: float = 0.0) -> FloatArray:
     """Return the sign (n,) of the last motion that went back by more than ``dead``; 0 before it.
 
-    A turning point counts from its own row on, not from where ``dead`` was passed; the first
-    motion from where the position leaves its first value.
+    A turning point counts from where the motion went back by ``way``, at 0 from its own row on;
+    the first motion from where the position leaves its first value.
     """
     sign = np.zeros(len(position))
     extreme, at, now, first = position[0], 0, 0.0, position[0]
@@ -119,7 +119,8 @@ def last_motion(position: FloatArray, dead: float) -> FloatArray:
             extreme, at = value, row
         elif abs(value - extreme) > dead:
             now = -now
-            sign[at:] = now
+            gone = np.abs(position[at : row + 1] - extreme) > way
+            sign[at + int(np.argmax(gone)) * (way > 0.0) :] = now
             extreme, at = value, row
     return sign
 

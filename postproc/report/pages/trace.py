@@ -37,6 +37,7 @@ def trace_page(found: PathDiagnosis, content: dict[str, Any]) -> bytes:
         for row in phases
     ]
     page.section("Where: phases", table(head, rows), "half")
+    page.section("ISO 9283", _iso(content["iso9283"]), "half")
     words = "".join(f"<p>{escape(line)}</p>" for line in lines)
     page.section("In words", words)
     page.section("Effects, on rows that were not fitted", _effects(content))
@@ -56,6 +57,16 @@ def trace_page(found: PathDiagnosis, content: dict[str, Any]) -> bytes:
         rest = [(r["class"], r["of"], f"{r['rms_mm']:.4f}") for r in content["unexplained"]]
         page.section("What the rest follows", table(("class", "of", "rms [mm]"), rest))
     return page.render()
+
+
+def _iso(told: dict[str, Any]) -> str:
+    names = (("AT_p_mm", "AT_p, mean of the runs off the path"), ("RT_p_mm", "RT_p, the runs"))
+    rows = [(name, f"{told[key]:.4f}") for key, name in names if told[key] is not None]
+    for row in told.get("corners", ()):
+        rows.append((f"CR, line {row['line']}", f"{row['CR_mm']:.4f}"))
+        rows.append((f"CO, line {row['line']}", f"{row['CO_mm']:.4f}"))
+    few = f"{told['runs']} of the {told['runs_of_the_standard']} runs that the standard asks for"
+    return table(("figure", "mm"), rows) + f"<p>{few}</p>"
 
 
 def _some(count: int, most: int) -> slice:

@@ -38,11 +38,7 @@ class ControllerDelay(PathEffect):
     def part(self, stage: Stage, theta: FloatArray, tangent: bool = True) -> Part:
         """Move every joint to where its reference was."""
         value, rate = delayed(stage, float(theta[0]))
-        pieces = []
-        if tangent:
-            slope = stage.lifted(rate)
-            pieces = stage.columns(slope)
-        return Part(stage.lifted(value), pieces)
+        return Part(value, stage.columns(rate) if tangent else [])
 
     def widths(self, theta: FloatArray) -> FloatArray:
         """Return some cycles of a controller."""

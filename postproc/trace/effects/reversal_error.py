@@ -12,8 +12,9 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.model import ModelFile
 from postproc.trace.effect import JOINTS, LINK, TOOL, WHOLE, Part, PathEffect, register, seen
+from postproc.trace.phases import DEAD
 from postproc.trace.scene import Piece, Scene, Stage
-from postproc.trace.signals import memory, since_change
+from postproc.trace.signals import last_motion, memory, since_change
 from postproc.units import DEG, MS
 
 KINDS = ("decay", "bump")
@@ -21,21 +22,28 @@ KINDS = ("decay", "bump")
 LENGTHS = (0.02, 0.04, 0.08, 0.16)
 """Times [s] of it that are tried, then refined: spikes are 50 to 200 ms long."""
 SHORTEST, LONGEST = 0.005, 0.5
-SHIFTS = np.array([0.0, 4.0, 8.0, 12.0, 20.0, 30.0, 45.0]) * MS
-"""Delays [s] after the command's turning point that are tried."""
+SHIFTS = tuple(MS * t for t in (0.0, 8.0, 20.0, 40.0))
+"""Delays [s] after the command's turning point that are tried, then refined."""
+WAYS = tuple(DEG * w for w in (0.0, 1e-3, 1.6e-3, 2.5e-3, 4e-3, 6.3e-3, 1e-2))
+"""How far [rad] the command goes back before the joint sticks: of friction before sliding."""
+CLOSE = 5.0 * MS
+"""How far a delay is refined at once [s]."""
+LATEST = 0.1
+"""Longest delay [s]."""
 TELLS = 0.005 * DEG
 """A half gap that is less sure [rad] is not told."""
 _HALF, _SPIKE, _USED = slice(0, 6), slice(6, 12), slice(12, 24)
-_KIND, _LENGTH, _SHIFT = 24, 25, 26
+_KIND, _LENGTH, _SHIFT, _WAY = 24, 25, 26, 27
 _SAME = 1e-9
-_STEP = 0.05
-"""Share of the length by which its slope is found."""
+_STEP, _STEP_SHIFT = 0.05, 2e-3
+"""Share of the length, and delay [s], by which slopes are found."""
 
 
 @register
 class ReversalError(PathEffect):
-    """theta: six half gaps, six spikes, which of the twelve are free, kind, length and delay.
+    """theta: six half gaps, six spikes, which of the twelve are free, then the course.
 
+    The course: kind, length and delay of the spike, and how far back the joint sticks.
     Positive: the joint stays behind its motion.
     """
 
@@ -43,7 +51,7 @@ class ReversalError(PathEffect):
     title = "joints stay behind after they turn round: play, or friction"
     action = "avoid reversals of the joint in the cut, lower the feed there, or compensate friction"
     stages = (JOINTS, LINK, TOOL, WHOLE)
-    keys = ("half_gap_deg", "spike_deg", "spike_course", "spike_s", "delay_ms")
+    keys = ("half_gap_deg", "spike_deg", "spike_course", "spike_s", "delay_ms", "back_deg")
 
     def start(self, stage: Stage, rest: FloatArray, sigma: FloatArray) -> FloatArray | None:
         """Find course, delay, and which joints show anything, by straight regressions."""
@@ -51,19 +59,29 @@ class ReversalError(PathEffect):
         turned = [np.isfinite(since_change(scene.time, s)).any() for s in scene.last_motion.T]
         if not any(turned):
             return None
-        best, found = np.inf, None
         worth = [memory(row, scene.stretches) if stage.in_joints else 1.0 for row in rest]
-        for shift, kind, length in product(SHIFTS, range(len(KINDS)), LENGTHS):
-            if shift and not stage.in_joints:
-                continue
-            theta = np.zeros(_SHIFT + 1)
-            theta[_USED], theta[_KIND], theta[_LENGTH], theta[_SHIFT] = 1.0, kind, length, shift
-            cost, used = self._regression(stage, theta, rest, worth)
-            theta[_USED] = used
-            if cost < best and used.any():
-                best, found = cost, theta
+        tried: list[tuple[float, list[float]]] = []
+        for kind in range(len(KINDS)):
+            theta = np.zeros(_WAY + 1)
+            theta[_KIND], theta[_LENGTH] = kind, LENGTHS[-2]
+            # where it begins, then how long it lasts, then again where
+            places = list(product(WAYS, SHIFTS if stage.in_joints else SHIFTS[:1]))
+            for at, choices in (
+                ((_WAY, _SHIFT), places),
+                ((_LENGTH,), list(product(LENGTHS))),
+                ((_WAY, _SHIFT), places),
+            ):
+                costs = []
+                for choice in choices:
+                    theta[list(at)], theta[_USED] = choice, 1.0
+                    cost, used = self._regression(stage, theta, rest, worth)
+                    theta[_USED] = used
+                    costs.append((cost, theta.tolist()))
+                tried.append(min(costs))
+                theta = np.array(tried[-1][1])
         del sigma
-        return found
+        best = np.array(min(tried)[1])
+        return best if best[_USED].any() else None
 
     def _regression(
         self, stage: Stage, theta: FloatArray, rest: FloatArray, worth: list[float]
@@ -117,36 +135,38 @@ class ReversalError(PathEffect):
             some = columns[:, [k // 6 for k in free]]
             joints[:, joint] = some @ theta[free]
             index = tuple(free)
-            if tangent and theta[6 + joint] and theta[12 + 6 + joint]:
-                step = _STEP * theta[_LENGTH]
-                longer = _columns(
-                    scene, joint, int(theta[_KIND]), theta[_LENGTH] + step, theta[_SHIFT]
-                )
-                slope = (longer[:, 1] - columns[:, 1]) / step * theta[6 + joint]
-                some, index = np.column_stack([some, slope]), (*index, _LENGTH)
+            if tangent and theta[6 + joint] and theta[18 + joint]:
+                for place, step in ((_LENGTH, _STEP * theta[_LENGTH]), (_SHIFT, _STEP_SHIFT)):
+                    other = theta.copy()
+                    other[place] += step
+                    more = _columns(scene, joint, *other[_KIND:])[:, 1] - columns[:, 1]
+                    some = np.column_stack([some, more / step * theta[6 + joint]])
+                    index = (*index, place)
             if tangent or heights:
                 pieces += stage.lift(joint, index, some)
         return Part(stage.lifted(joints), pieces)
 
     def widths(self, theta: FloatArray) -> FloatArray:
-        """Return a twentieth of a degree, and lengths of spikes."""
+        """Return a twentieth of a degree; any length and delay is as likely."""
         widths = np.full(len(theta), 0.05 * DEG)
-        widths[_LENGTH] = np.inf
+        widths[[_LENGTH, _SHIFT]] = np.inf
         return widths
 
     def moved(self, theta: FloatArray, step: FloatArray) -> FloatArray:
-        """Return new heights and length; kind and delay were found before."""
+        """Return new heights, length and delay; the kind and the way were found before."""
         new = theta.copy()
         free = np.flatnonzero(theta[_USED])
         new[free] += step[free]
         near = 0.3 * theta[_LENGTH]
         new[_LENGTH] += np.clip(step[_LENGTH], -near, near)
         new[_LENGTH] = np.clip(new[_LENGTH], SHORTEST, LONGEST)
+        shift = theta[_SHIFT] + np.clip(step[_SHIFT], -CLOSE, CLOSE)
+        new[_SHIFT] = np.clip(shift, 0.0, LATEST)
         return new
 
     def count(self, theta: FloatArray) -> int:
-        """Return the heights, kind, length and delay."""
-        return int(np.sum(theta[_USED])) + 3
+        """Return the heights, kind, length, delay and way."""
+        return int(np.sum(theta[_USED])) + 4
 
     def table(self, stage: Stage, theta: FloatArray, deviation: FloatArray) -> dict[str, Any]:
         """Return half gaps, and the largest heights of the spikes."""
@@ -157,14 +177,15 @@ class ReversalError(PathEffect):
             "spike_deg": seen(theta[_SPIKE], unsure[6:], TELLS, DEG),
             "spike_course": KINDS[int(theta[_KIND])],
             "spike_s": float(np.round(theta[_LENGTH], 5)),
-            "delay_ms": float(theta[_SHIFT] / MS),
+            "delay_ms": float(np.round(theta[_SHIFT] / MS, 4)),
+            "back_deg": float(np.round(theta[_WAY] / DEG, 6)),
         }
 
     def read(self, model: ModelFile, table: Mapping[str, Any]) -> FloatArray | None:
         """Return the heights of a file."""
         half = model.values(self.name, "half_gap_deg", (6,))
         spike = model.values(self.name, "spike_deg", (6,), optional=True)
-        theta = np.zeros(_SHIFT + 1)
+        theta = np.zeros(_WAY + 1)
         theta[_HALF] = np.nan_to_num(np.zeros(6) if half is None else half)
         theta[_SPIKE] = np.nan_to_num(np.zeros(6) if spike is None else spike)
         theta[_USED] = theta[:12] != 0.0
@@ -172,30 +193,40 @@ class ReversalError(PathEffect):
         theta[_KIND] = KINDS.index(kind) if kind in KINDS else 0
         theta[_LENGTH] = np.clip(float(table.get("spike_s", 0.05)), SHORTEST, LONGEST)
         theta[_SHIFT] = float(table.get("delay_ms", 0.0)) * MS
+        theta[_WAY] = float(table.get("back_deg", 0.0)) * DEG
         return theta
 
 
 def _kept(scene: Scene, joint: int, theta: FloatArray) -> FloatArray:
-    """Return ``_columns``, kept for the lengths that are tried."""
-    course = (int(theta[_KIND]), float(theta[_LENGTH]), float(theta[_SHIFT]))
-    if course[1] not in LENGTHS:
+    """Return ``_columns``, kept for the courses that are tried."""
+    course = theta[_KIND:].tolist()
+    if course[1] not in LENGTHS or course[2] not in SHIFTS:
         return _columns(scene, joint, *course)
     return scene.kept(
         ("after a reversal", joint, *course), partial(_columns, scene, joint, *course)
     )
 
 
-def _columns(scene: Scene, joint: int, kind: int, length: float, shift: float) -> FloatArray:
+def _columns(
+    scene: Scene, joint: int, kind: float, length: float, shift: float, way: float
+) -> FloatArray:
     """Return the columns (n, 2) of one joint: half a gap, and the height of its spike."""
     columns = np.zeros((len(scene.time), 2))
+    position = scene.recording.command[:, joint]
+    dead = max(DEAD, way)
+    signs = scene.kept(
+        ("turns", joint, way),
+        lambda: np.concatenate([last_motion(position[r], dead, way) for r in scene.stretches]),
+    )
     for rows in scene.stretches:
         time = scene.time[rows]
-        sign = scene.last_motion[rows, joint]
+        turned = since_change(time, signs[rows])
         late = np.searchsorted(time, time - shift + _SAME, side="right") - 1
-        sign = np.where(late >= 0, sign[np.maximum(late, 0)], sign[0])
+        at = np.maximum(late, 0)
+        sign = signs[rows][at]
         columns[rows, 0] = -sign
-        since = since_change(time, sign) / length
-        if KINDS[kind] == "decay":
+        since = np.where(late >= 0, turned[at] + time - shift - time[at], np.inf) / length
+        if KINDS[int(kind)] == "decay":
             columns[rows, 1] = -sign * np.exp(-since)
         else:
             columns[rows, 1] = -sign * np.sin(np.pi * np.minimum(since, 1.0))

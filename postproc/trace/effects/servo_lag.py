@@ -71,7 +71,7 @@ class ServoLag(PathEffect):
 
     @staticmethod
     def _rate(stage: Stage, joint: int, total: float) -> FloatArray:
-        return delayed(stage, total)[1][:, joint]
+        return np.asarray(delayed(stage, total)[1][joint])
 
     def part(self, stage: Stage, theta: FloatArray, tangent: bool = True) -> Part:
         """Let each joint follow by its own time."""
@@ -128,10 +128,12 @@ class ServoLag(PathEffect):
         theta[1] = np.nan_to_num(np.zeros(6) if first is None else first)
         if damping is not None:
             theta[2] = np.nan_to_num(theta[1] / (2.0 * damping), posinf=0.0) ** 2
-        return theta.ravel()
+        return np.asarray(theta.ravel())
 
 
 def _damping(first: FloatArray, second: FloatArray) -> FloatArray:
     """Return the damping of loops, NaN for one of first order."""
     found = np.full(len(first), np.nan)
-    return np.divide(first, 2.0 * np.sqrt(second), out=found, where=(first > 0) & (second > 0))
+    both = (first > 0.0) & (second > 0.0)
+    found[both] = first[both] / (2.0 * np.sqrt(second[both]))
+    return found

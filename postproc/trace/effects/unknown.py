@@ -8,6 +8,7 @@ the dynamic causes; each of them has to say more than that.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -119,13 +120,13 @@ def _columns(stage: Stage, output: int, head: tuple[int, ...]) -> FloatArray:
     scene = stage.scene
     parts = [np.zeros((len(scene.time), 0))]
     if place:
-        parts.append(scene.kept(("place",), lambda: _place(scene)))
+        parts.append(scene.kept(("place",), partial(_place, scene)))
     if time:
-        parts.append(scene.kept(("creep",), lambda: _creep(scene)))
+        parts.append(scene.kept(("creep",), partial(_creep, scene)))
     if curve:
         for joint in [output] if stage.in_joints else range(3):
             key = ("curve", joint, curve)
-            parts.append(scene.kept(key, lambda k=joint: _curve(scene.reference[:, k], curve)))
+            parts.append(scene.kept(key, partial(_curve, scene.reference[:, joint], curve)))
     return np.concatenate(parts, axis=1)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -168,13 +169,12 @@ def _drives(stage: Stage) -> Iterator[tuple[FloatArray, FloatArray]]:
     scene = stage.scene
     for number, rows in enumerate(scene.stretches):
         course = Course(scene.time[rows], scene.points[rows])
-        even = course.fine
-        rate = course.spline.derivative(2)
-        key = ("drive", number)
-        yield (
-            even,
-            scene.kept(key, lambda t=even, r=rate, last=course.time[-1]: r(np.minimum(t, last))),
-        )
+        yield course.fine, scene.kept(("drive", number), partial(_acceleration, course))
+
+
+def _acceleration(course: Course) -> FloatArray:
+    times = np.minimum(course.fine, course.time[-1])
+    return np.asarray(course.spline.derivative(2)(times))
 
 
 def _modes(stage: Stage, clean: FloatArray) -> list[float]:

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.errors import DataError, SourceRef
-from postproc.files import read_bytes
+from postproc.files import open_input, read_bytes
 from postproc.records import dataclass
 from postproc.trace.reading import ACTUAL, COMMAND, CURRENT, TORQUE, TRACES, Block, numbered
 from postproc.trace.recording import BLOCK
@@ -58,8 +59,42 @@ class DiademFormat:
         return numbered(_blocks(path))
 
 
+@dataclass(frozen=True, slots=True)
+class Values:
+    """The numbers of one channel, read in parts: offset + factor * raw.
+
+    ``raw`` None: the number of each value itself. ``width`` columns are interleaved in the file.
+    """
+
+    raw: Path | None
+    column: int
+    width: int
+    count: int
+    offset: float
+    factor: float
+
+    def part(self, low: int, high: int) -> FloatArray:
+        """Return the values ``low`` to ``high``."""
+        if self.raw is None:
+            return self.offset + self.factor * np.arange(low, high, dtype=np.float64)
+        with open_input(self.raw) as stream:
+            stream.seek(8 * low * self.width)
+            data = stream.read(8 * (high - low) * self.width)
+        table = np.frombuffer(data[: len(data) // 8 * 8], dtype="<f8")
+        return np.asarray(self.offset + self.factor * table[self.column - 1 :: self.width])
+
+    def begin(self, value: float, low: int) -> int:
+        """Return the last number at or after ``low`` whose value is not above ``value``."""
+        if self.raw is None:
+            return max(low, min(self.count - 1, int((value - self.offset) / self.factor)))
+        while low + BLOCK < self.count and self.part(low + BLOCK, low + BLOCK + 1)[0] <= value:
+            low += BLOCK
+        values = self.part(low, min(low + BLOCK, self.count))
+        return low + max(0, int(np.searchsorted(values, value, side="right")) - 1)
+
+
 def _blocks(path: Path) -> Iterator[Block]:
-    series: dict[str, tuple[FloatArray, FloatArray]] = {}
+    series: dict[str, tuple[Values, Values]] = {}
     for header in _modules(path):
         for name, pair in _channels(header).items():
             series.setdefault(name, pair)
@@ -67,14 +102,26 @@ def _blocks(path: Path) -> Iterator[Block]:
     if gone:
         text = f"no channel holds {gone[0]}, expected Sollposition of all axes"
         raise DataError("TRC002", text, SourceRef(str(path)))
-    time = series[COMMAND[0]][0]
-    low = max(float(t[0]) for t, _ in series.values())
-    high = min(float(t[-1]) for t, _ in series.values())
-    time = time[(time >= low - _SAME) & (time <= high + _SAME)]
-    columns = {name: np.interp(time, t, v) for name, (t, v) in series.items()}
-    whole = {"time_s": time} | columns
-    for first in range(0, len(time), BLOCK):
-        yield {name: values[first : first + BLOCK] for name, values in whole.items()}
+    master = series[COMMAND[0]][0]
+    low = max(float(t.part(0, 1)[0]) for t, _ in series.values())
+    high = min(float(t.part(t.count - 1, t.count)[0]) for t, _ in series.values())
+    at = dict.fromkeys(series, 0)
+    for first in range(0, master.count, BLOCK):
+        time = master.part(first, min(first + BLOCK, master.count))
+        time = time[(time >= low - _SAME) & (time <= high + _SAME)]
+        if not len(time):
+            continue
+        block = {"time_s": time}
+        for name, (times, values) in series.items():
+            start = at[name] = times.begin(float(time[0]) + _SAME, at[name])
+            stop = start
+            while True:
+                stop = min(times.count, stop + BLOCK)
+                own = times.part(start, stop)
+                if stop == times.count or own[-1] >= time[-1]:
+                    break
+            block[name] = np.interp(time, own, values.part(start, stop))
+        yield block
 
 
 def _modules(path: Path) -> list[Path]:
@@ -87,17 +134,16 @@ def _modules(path: Path) -> list[Path]:
     return [path, *(p for p in same if p != path)]
 
 
-def _channels(header: Path) -> dict[str, tuple[FloatArray, FloatArray]]:
+def _channels(header: Path) -> dict[str, tuple[Values, Values]]:
     """Return times and values of the channels of a module, by the names of our columns."""
     channels = _read_header(header)
     module = _MODULE.match(header.stem)
     own = module[3] if module else None
-    raw: dict[str, FloatArray] = {}
     time = None
     found = {}
     for channel in channels:
         if _TIME.match(channel.name):
-            time = _values(header, channels, channel, raw) * _unit(channel, 1.0)
+            time = _values(header, channels, channel, _unit(channel, 1.0))
     if time is None:
         raise DataError("TRC002", "no channel of time", SourceRef(str(header)))
     for channel in channels:
@@ -106,11 +152,10 @@ def _channels(header: Path) -> dict[str, tuple[FloatArray, FloatArray]]:
         axis = at[1] if at else own
         if names is None or axis is None:
             continue
-        values = _values(header, channels, channel, raw)
-        if names in (COMMAND, ACTUAL):
-            values = values * (_unit(channel, DEG) / DEG)
-        count = min(len(time), len(values))
-        found[names[int(axis) - 1]] = (time[:count], values[:count])
+        unit = _unit(channel, DEG) / DEG if names in (COMMAND, ACTUAL) else 1.0
+        values = _values(header, channels, channel, unit)
+        count = min(time.count, values.count)
+        found[names[int(axis) - 1]] = (replace(time, count=count), replace(values, count=count))
     return found
 
 
@@ -140,17 +185,15 @@ def _read_header(path: Path) -> list[Channel]:
     return channels
 
 
-def _values(
-    header: Path, channels: list[Channel], channel: Channel, raw: dict[str, FloatArray]
-) -> FloatArray:
-    """Return the values of a channel in its own unit."""
+def _values(header: Path, channels: list[Channel], channel: Channel, unit: float) -> Values:
+    """Return the values of a channel, times ``unit``."""
     codes = channel.codes
     place = SourceRef(str(header))
     try:
-        offset, factor = float(codes.get(240, 0.0)), float(codes.get(241, 1.0))
+        offset, factor = float(codes.get(240, 0.0)) * unit, float(codes.get(241, 1.0)) * unit
         count = int(codes[220])
         if codes.get(210, "").upper().startswith("IMPLI"):
-            return np.asarray(offset + factor * np.arange(count))
+            return Values(None, 1, 1, count, offset, factor)
         name, column = codes[211], int(codes.get(221, 1))
     except (KeyError, ValueError):
         text = f"channel {channel.name!r} lacks its number of values, file or column"
@@ -158,15 +201,15 @@ def _values(
     if codes.get(214, "REAL64").upper() != "REAL64":
         text = f"channel {channel.name!r} is {codes[214]!r}, expected REAL64"
         raise DataError("TRC003", text, place)
-    if name not in raw:
-        data = read_bytes(header.parent / Path(name.replace("\\", "/")).name)
-        raw[name] = np.frombuffer(data[: len(data) // 8 * 8], dtype="<f8")
+    raw = header.parent / Path(name.replace("\\", "/")).name
+    with open_input(raw) as stream:
+        size = stream.seek(0, 2) // 8
     width = max(int(c.codes.get(221, 1)) for c in channels if c.codes.get(211) == name)
-    values = raw[name][column - 1 :: width][:count]
-    if len(values) < count:
-        text = f"{name} holds {len(values)} of {count} values of channel {channel.name!r}"
+    have = max(0, (size - column) // width + 1)
+    if have < count or count < 1:
+        text = f"{name} holds {have} of {count} values of channel {channel.name!r}"
         raise DataError("TRC003", text, place)
-    return np.asarray(offset + factor * values)
+    return Values(raw, column, width, count, offset, factor)
 
 
 TRACES.register("kuka_trace")(DiademFormat())
