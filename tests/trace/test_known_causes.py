@@ -35,8 +35,24 @@ def ringing(t):
     return joints
 
 
+def second_order(t):
+    """All joints behind a loop of second order, integrated in steps of 0.25 ms: 20 ms, 0.8."""
+    fine = np.arange(0.0, t[-1] + 1e-9, 2.5e-4)
+    goal, w = command(fine), 2 * 0.8 / 0.020
+    a, b = goal[0].copy(), np.zeros(6)
+    out = np.empty_like(goal)
+    for k, x in enumerate(goal):
+        out[k] = a
+        b += 2.5e-4 * (w * w * (x - a) - 2 * 0.8 * w * b)
+        a += 2.5e-4 * b
+    # one delay would do for six equal loops: joint 2 has none
+    out[:, 1] = goal[:, 1]
+    return np.stack([np.interp(t, fine, column) for column in out.T], axis=1)
+
+
 CAUSES = {
     "none": (command, (), "no_gap"),
+    "loop": (second_order, ("servo_lag",), "explained"),
     "delay": (lambda t: command(t, 0.0137), ("controller_delay",), "explained"),
     "lag": (lambda t: command(t, LAGS), ("servo_lag",), "explained"),
     "play": (behind, ("reversal_error",), "explained"),
@@ -86,6 +102,17 @@ def test_sizes(told):
     assert abs(half[0]) < 1e-4
     swing = parameters(told["ringing"], "vibration")
     assert swing["frequency_Hz"] == pytest.approx(11.0, abs=0.05)
+
+
+def test_a_copy_of_the_command_is_undetermined(told, tmp_path):
+    table = rows(command)[:2000]
+    table[:, 7:] = table[:, 1:7]
+    copy = diagnose_trace(written(tmp_path / "copy.csv", table), load_cell(CELL)).document
+    assert (copy["verdict"], copy["adopted"]) == ("undetermined", [])
+    figures = told["delay"]["iso9283"]
+    # a delay alone leaves the path where it is
+    assert figures["AT_p_mm"] < 0.1 * told["delay"]["gap"]["max_mm"]
+    assert figures["runs"] == 1 and figures["RT_p_mm"] is None
 
 
 def test_a_written_model_counts_as_known(tmp_path, capsys):
