@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from postproc.arrays import FloatArray
+from postproc.arrays import BoolArray, FloatArray
 from postproc.model import ModelFile
 from postproc.trace.effect import JOINTS, LINK, TOOL, WHOLE, Part, PathEffect, register, seen
 from postproc.trace.phases import DEAD
@@ -38,6 +38,9 @@ _SAME = 1e-9
 _STEP, _STEP_SHIFT = 0.05, 2e-3
 """Share of the length, and delay [s], by which slopes are found."""
 
+_Row = tuple[BoolArray, FloatArray, float]
+"""Which rows (n,) of an output are known, their values less the mean, independent ones."""
+
 
 @register
 class ReversalError(PathEffect):
@@ -59,7 +62,11 @@ class ReversalError(PathEffect):
         turned = [np.isfinite(since_change(scene.time, s)).any() for s in scene.last_motion.T]
         if not any(turned):
             return None
-        worth = [memory(row, scene.stretches) if stage.in_joints else 1.0 for row in rest]
+        rows = []
+        for row in rest:
+            good = np.isfinite(row)
+            worth = memory(row, scene.stretches) if stage.in_joints else 1.0
+            rows.append((good, row[good] - row[good].mean(), max(2.0, float(good.sum() / worth))))
         tried: list[tuple[float, list[float]]] = []
         for kind in range(len(KINDS)):
             theta = np.zeros(_WAY + 1)
@@ -74,7 +81,7 @@ class ReversalError(PathEffect):
                 costs = []
                 for choice in choices:
                     theta[list(at)], theta[_USED] = choice, 1.0
-                    cost, used = self._regression(stage, theta, rest, worth)
+                    cost, used = self._regression(stage, theta, rows)
                     theta[_USED] = used
                     costs.append((cost, theta.tolist()))
                 tried.append(min(costs))
@@ -83,45 +90,39 @@ class ReversalError(PathEffect):
         best = np.array(min(tried)[1])
         return best if best[_USED].any() else None
 
-    def _regression(
-        self, stage: Stage, theta: FloatArray, rest: FloatArray, worth: list[float]
-    ) -> tuple[float, FloatArray]:
+    @staticmethod
+    def _regression(stage: Stage, theta: FloatArray, rows: list[_Row]) -> tuple[float, FloatArray]:
         """Return the cost of a course, and which of the twelve (12,) pay for themselves."""
-        pieces = self.part(stage, theta, False, True).pieces
         cost, used = 0.0, np.zeros(12)
-        for output, row in enumerate(rest):
-            mine = [p for p in pieces if p.output == output]
-            good = np.isfinite(row)
-            y = row[good] - row[good].mean()
-            count = max(2.0, good.sum() / worth[output])
-            options: list[tuple[float, tuple[int, ...]]] = [
-                (count * np.log(max(float(y @ y), 1e-30)), ())
-            ]
+        columns = [_kept(stage.scene, joint, theta) for joint in range(6)]
+        turns = [joint for joint in range(6) if columns[joint][:, 1].any()]
+        for output, (good, y, count) in enumerate(rows):
+            mine = [joint for joint in turns if not stage.in_joints or joint == output]
+            whole = float(y @ y)
+            options = [(count * np.log(max(whole, 1e-30)), np.zeros(0, dtype=np.int64))]
             if mine:
-                index = [k for p in mine for k in p.index]
-                X = np.concatenate([p.columns for p in mine], axis=1)[good]
+                index = np.array([k for joint in mine for k in (joint, 6 + joint)])
+                if stage.in_joints:
+                    X = columns[output][good]
+                else:
+                    J = stage.scene.jacobian[good, output]
+                    X = np.concatenate([columns[k][good] * J[:, k, None] for k in mine], axis=1)
                 X = X - X.mean(axis=0)
                 gram, right = X.T @ X, X.T @ y
-                choices = [(0,), (1,), (0, 1)] if stage.in_joints else [tuple(range(len(index)))]
-                for choice in map(list, choices):
-                    fit = np.linalg.lstsq(gram[np.ix_(choice, choice)], right[choice], rcond=None)[
-                        0
-                    ]
-                    left = max(float(y @ y - fit @ right[choice]), 1e-30)
+                choices = [[0], [1], [0, 1]] if stage.in_joints else [list(range(len(index)))]
+                for choice in choices:
+                    part = gram[np.ix_(choice, choice)]
+                    fit = np.linalg.lstsq(part, right[choice], rcond=None)[0]
+                    left = max(whole - float(fit @ right[choice]), 1e-30)
                     price = len(choice) * np.log(count)
-                    options.append((count * np.log(left) + price, tuple(index[k] for k in choice)))
-            best = min(options)
+                    options.append((count * np.log(left) + price, index[choice]))
+            best = min(options, key=lambda option: option[0])
             cost += best[0]
-            used[list(best[1])] = 1.0
+            used[best[1]] = 1.0
         return cost, used
 
-    def part(
-        self, stage: Stage, theta: FloatArray, tangent: bool = True, heights: bool = False
-    ) -> Part:
-        """Leave each joint behind its last motion, more so for a while.
-
-        ``heights``: only the change with the heights is asked for.
-        """
+    def part(self, stage: Stage, theta: FloatArray, tangent: bool = True) -> Part:
+        """Leave each joint behind its last motion, more so for a while."""
         scene = stage.scene
         joints = np.zeros_like(scene.reference)
         pieces: list[Piece] = []
@@ -142,7 +143,7 @@ class ReversalError(PathEffect):
                     more = _columns(scene, joint, *other[_KIND:])[:, 1] - columns[:, 1]
                     some = np.column_stack([some, more / step * theta[6 + joint]])
                     index = (*index, place)
-            if tangent or heights:
+            if tangent:
                 pieces += stage.lift(joint, index, some)
         return Part(stage.lifted(joints), pieces)
 
