@@ -105,8 +105,9 @@ def judged(stage: Stage) -> Verdict:
     }
     best = max(weights, key=lambda key: (weights[key], sorted(key)))
     for name in tried:
+        likeliest = max((key for key in fits if name in key), key=lambda k: (weights[k], sorted(k)))
         # what is too small to move any figure is not there
-        if not _matters(part, fits.get(best | {name}) or fits[frozenset({name})], name, sigma):
+        if not _matters(part, fits[likeliest], name, sigma):
             probability[name] = 0.0
     twins = _twins(best, weights)
     silent = {name for name in best if not PATH_EFFECTS.get(name).is_cause}

@@ -71,7 +71,7 @@ def told(tmp_path_factory):
     folder = tmp_path_factory.mktemp("known")
     documents = {}
     for name, (actual, _, _) in CAUSES.items():
-        log = written(folder / f"{name}.csv", rows(actual, 0.008))
+        log = written(folder / f"{name}.csv", rows(actual))
         documents[name] = diagnose_trace(log, cell).document
     return documents
 
@@ -99,7 +99,7 @@ def test_sizes(told):
     assert lag == pytest.approx((1e3 * LAGS).tolist(), abs=0.2)
     half = parameters(told["play"], "reversal_error")["half_gap_deg"]
     assert half[1] == pytest.approx(0.02, abs=0.002)
-    assert abs(half[0]) < 1e-4
+    assert half[0] is None or abs(half[0]) < 1e-4
     swing = parameters(told["ringing"], "vibration")
     assert swing["frequency_Hz"] == pytest.approx(11.0, abs=0.05)
 
@@ -116,7 +116,7 @@ def test_a_copy_of_the_command_is_undetermined(told, tmp_path):
 
 
 def test_a_written_model_counts_as_known(tmp_path, capsys):
-    log = str(written(tmp_path / "log.csv", rows(lambda t: command(t, LAGS), 0.008)))
+    log = str(written(tmp_path / "log.csv", rows(lambda t: command(t, LAGS))))
     call = ["diagnose", "--trace", log, "--cell", str(CELL), "--quiet", "--json"]
     assert app.run([*call, "-o", str(tmp_path / "out")]) == 0
     first = json.loads(capsys.readouterr().out)

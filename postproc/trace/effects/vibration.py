@@ -74,7 +74,7 @@ class Vibration(PathEffect):
             columns = _columns(stage, theta)[good]
             left = _left(columns, clean[:, good].T)
             # one more parameter costs the logarithm of the rows
-            cost = np.log(left) * clean[:, good].size
+            cost = np.log(max(left, 1e-30)) * clean[:, good].size
             cost += columns.shape[1] * len(rest) * np.log(good.sum())
             if cost < best:
                 best = cost
