@@ -25,6 +25,8 @@ LOOP = 0.05
 """Time [s] of a position loop of 20 per second, of the slow ones."""
 RINGS = 0.5
 """Damping below which a loop would ring after each corner: no drive is tuned so."""
+TRIED = SHORT * 2.0 ** np.arange(1, 10)
+"""Time constants [s] from which a loop is searched, up to the longest."""
 
 
 @register
@@ -54,19 +56,22 @@ class ServoLag(PathEffect):
         scene = stage.scene
         for joint in np.flatnonzero(moves[: len(rest)]).tolist():
             good = scene.known & np.isfinite(rest[joint])
-            total = 0.0
+            total, bend = 0.0, 0.0
+            acceleration = np.gradient(scene.speed[:, joint], scene.time)
             for _ in range(4):
-                value, rate = (
-                    lagged(stage, joint, (total, 0.0, 0.0)),
-                    self._rate(stage, joint, total),
-                )
-                acceleration = np.gradient(scene.speed[:, joint], scene.time)
+                value = lagged(stage, joint, (total, 0.0, 0.0))
+                rate = self._rate(stage, joint, total)
                 X = np.stack([rate, acceleration, np.ones(len(rate))], axis=1)[good]
                 step = np.linalg.lstsq(X, (rest[joint] - value)[good], rcond=None)[0]
                 total = float(np.clip(total + step[0], -LONGEST, LONGEST))
-            theta[joint] = total
-            usual = max(np.sqrt(max(0.0, 2.0 * step[1])), 0.2 * abs(total), 2.0 * SHORT)
-            theta[6 + joint] = min(usual, LONGEST)
+                bend = float(step[1])
+            # to the second order a loop bends by half of first^2 less second, whatever its size
+            tried = [
+                (total, first, float(np.clip(0.5 * first**2 - bend, 0.0, _slowest(first))))
+                for first in TRIED.tolist()
+            ]
+            left = [np.var((rest[joint] - lagged(stage, joint, t))[good]) for t in tried]
+            theta[joint::6] = tried[int(np.argmin(left))]
         return theta
 
     @staticmethod
@@ -100,7 +105,8 @@ class ServoLag(PathEffect):
         loop = slice(6, None)
         # a loop that leaps to nothing never comes back
         new[loop] = np.maximum(new[loop], 0.5 * theta[loop])
-        new[12:] = np.minimum(new[12:], (new[6:12] / (2.0 * RINGS)) ** 2)
+        new[6:12] = np.minimum(new[6:12], 2.0 * theta[6:12])
+        new[12:] = np.minimum(new[12:], _slowest(new[6:12]))
         return np.asarray(new)
 
     def count(self, theta: FloatArray) -> int:
@@ -131,6 +137,11 @@ class ServoLag(PathEffect):
         if damping is not None:
             theta[2] = np.nan_to_num(theta[1] / (2.0 * damping), posinf=0.0) ** 2
         return np.asarray(theta.ravel())
+
+
+def _slowest(first: Any) -> Any:
+    """Return the second order [s^2] of loops that just do not ring."""
+    return (first / (2.0 * RINGS)) ** 2
 
 
 def _damping(first: FloatArray, second: FloatArray) -> FloatArray:
