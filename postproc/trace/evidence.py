@@ -151,11 +151,13 @@ def _grown(
     """Return the sets that were tried, and of these the fullest.
 
     One set for each family of rivals and one without: it grows by the effect that tells most, as
-    long as one tells anything. What a large effect hides is tried again when that is in.
+    long as one tells anything. What a large effect hides is tried again when that is in. What is no
+    cause comes when the causes have told all they can: a curve with enough pieces fits anything.
     """
     able = [(n, e) for n, e in PATH_EFFECTS if stage.name in e.stages]
     rivals = [n for n, e in able if any(r in dict(able) for r in e.rivals)]
     alone = [n for n, _ in able if n not in rivals]
+    is_cause = {n: e.is_cause for n, e in able}
     nothing: frozenset[str] = frozenset()
     fits = {nothing: fit(stage, {}, sigma)}
     mute: set[frozenset[str]] = set()
@@ -179,10 +181,11 @@ def _grown(
                     worth = _memory(stage, rest)
                     pair = [_evidence(fits[k], sigma, worth) for k in (key, now)]
                     gains.append((pair[0] - pair[1], name))
-            if not gains or max(gains)[0] < -HOPELESS:
+            telling = [(is_cause[name], gain, name) for gain, name in gains if gain > -HOPELESS]
+            if not telling:
                 break
-            now |= {max(gains)[1]}
-            waiting.remove(max(gains)[1])
+            now |= {max(telling)[2]}
+            waiting.remove(max(telling)[2])
         fullest.append(now)
     return fits, fullest
 

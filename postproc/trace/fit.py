@@ -8,7 +8,7 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
 from postproc.records import dataclass
-from postproc.trace.effect import PATH_EFFECTS, Part
+from postproc.trace.effect import PATH_EFFECTS
 from postproc.trace.scene import Stage
 
 STEPS = 6
@@ -76,32 +76,37 @@ def fit(
     use = stage.scene.known if rows is None else rows & stage.scene.known
     good = np.isfinite(stage.gap) & use
     now = {name: np.array(theta) for name, theta in thetas.items()}
-    best: Fit | None = None
-    for _ in range(steps):
-        parts = {name: PATH_EFFECTS.get(name).part(stage, theta) for name, theta in now.items()}
-        solved = _solved(stage, now, parts, sigma, good)
-        if best is not None and not solved.squares.sum() < np.inf:
+    at, best, share = now, _solved(stage, now, sigma, good), 1.0
+    for _ in range(1, steps):
+        now = _moved(at, best.thetas, share)
+        solved = _solved(stage, now, sigma, good)
+        change = _cost(best.squares, sigma) - _cost(solved.squares, sigma)
+        # a step that makes it worse went too far
+        if change < 0.0:
+            share *= 0.5
+        else:
+            at, best, share = now, solved, 1.0
+        if abs(change) <= CLOSE * _cost(best.squares, sigma):
             break
-        moved = {
-            name: PATH_EFFECTS.get(name).moved(theta, solved.thetas[name] - theta)
-            for name, theta in now.items()
-        }
-        last = best
-        best = solved
-        now = moved
-        if last is not None:
-            change = abs(_cost(last, sigma) - _cost(solved, sigma))
-            if change <= CLOSE * _cost(solved, sigma):
-                break
-    rest = rest_of(stage, now)
+    ends = [(end, *_left(stage, end, good)) for end in (at, _moved(at, best.thetas, share))]
+    now, constants, squares = min(ends, key=lambda end: _cost(end[2], sigma))
+    return Fit(now, best.deviations, constants, squares, good.sum(axis=1).astype(np.float64))
+
+
+def _moved(at: Thetas, to: Thetas, share: float) -> dict[str, FloatArray]:
+    """Return parameters a share of the way to others, as far as each effect goes at once."""
+    return {n: PATH_EFFECTS.get(n).moved(theta, share * (to[n] - theta)) for n, theta in at.items()}
+
+
+def _left(stage: Stage, thetas: Thetas, good: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Return the means (m,) of what effects leave, and the sums of squares (m,) about them."""
+    rest = rest_of(stage, thetas)
     constants = _means(rest, good)
-    squares = np.where(good, (rest - constants[:, None]) ** 2, 0.0).sum(axis=1)
-    deviations = {} if best is None else best.deviations
-    return Fit(now, deviations, constants, squares, good.sum(axis=1).astype(np.float64))
+    return constants, np.where(good, (rest - constants[:, None]) ** 2, 0.0).sum(axis=1)
 
 
-def _cost(found: Fit, sigma: FloatArray) -> float:
-    return float(np.sum(found.squares / np.maximum(sigma, 1e-12) ** 2))
+def _cost(squares: FloatArray, sigma: FloatArray) -> float:
+    return float(np.sum(squares / np.maximum(sigma, 1e-12) ** 2))
 
 
 def _means(rest: FloatArray, good: BoolArray) -> FloatArray:
@@ -112,12 +117,12 @@ def _means(rest: FloatArray, good: BoolArray) -> FloatArray:
 def _solved(
     stage: Stage,
     thetas: Thetas,
-    parts: Mapping[str, Part],
     sigma: FloatArray,
     good: BoolArray,
 ) -> Fit:
     """Return one step of Gauss and Newton, with priors of the usual sizes."""
     names = list(thetas)
+    parts = {name: PATH_EFFECTS.get(name).part(stage, theta) for name, theta in thetas.items()}
     firsts = dict(zip(names, np.cumsum([0, *(len(thetas[n]) for n in names)]), strict=False))
     total = sum(len(thetas[n]) for n in names)
     m = len(stage.gap)

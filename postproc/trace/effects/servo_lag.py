@@ -66,10 +66,8 @@ class ServoLag(PathEffect):
                 total = float(np.clip(total + step[0], -LONGEST, LONGEST))
                 bend = float(step[1])
             # to the second order a loop bends by half of first^2 less second, whatever its size
-            tried = [
-                (total, first, float(np.clip(0.5 * first**2 - bend, 0.0, _slowest(first))))
-                for first in TRIED.tolist()
-            ]
+            second = np.clip(0.5 * TRIED**2 - bend, 0.0, (TRIED / (2.0 * RINGS)) ** 2)
+            tried = [(total, *loop) for loop in np.stack([TRIED, second], axis=1).tolist()]
             left = [np.var((rest[joint] - lagged(stage, joint, t))[good]) for t in tried]
             theta[joint::6] = tried[int(np.argmin(left))]
         return theta
@@ -106,7 +104,7 @@ class ServoLag(PathEffect):
         # a loop that leaps to nothing never comes back
         new[loop] = np.maximum(new[loop], 0.5 * theta[loop])
         new[6:12] = np.minimum(new[6:12], 2.0 * theta[6:12])
-        new[12:] = np.minimum(new[12:], _slowest(new[6:12]))
+        new[12:] = np.minimum(new[12:], (new[6:12] / (2.0 * RINGS)) ** 2)
         return np.asarray(new)
 
     def count(self, theta: FloatArray) -> int:
@@ -137,11 +135,6 @@ class ServoLag(PathEffect):
         if damping is not None:
             theta[2] = np.nan_to_num(theta[1] / (2.0 * damping), posinf=0.0) ** 2
         return np.asarray(theta.ravel())
-
-
-def _slowest(first: Any) -> Any:
-    """Return the second order [s^2] of loops that just do not ring."""
-    return (first / (2.0 * RINGS)) ** 2
 
 
 def _damping(first: FloatArray, second: FloatArray) -> FloatArray:

@@ -63,13 +63,17 @@ class Unknown(PathEffect):
                 if not any(head):
                     continue
                 X = _columns(stage, output, head)[good]
+                # heights use up independent rows: with as many of both anything is explained
+                spare = 1.0 - X.shape[1] / count
+                if spare <= 0.0:
+                    continue
                 X = X - X.mean(axis=0)
                 gram = X.T @ X
                 gram[np.diag_indices_from(gram)] *= 1.0 + 1e-9
                 gram[np.diag_indices_from(gram)] += 1e-30
                 fit = np.linalg.solve(gram, X.T @ y)
                 left = max(float(np.sum((y - X @ fit) ** 2)), 1e-30)
-                cost = count * np.log(left) + X.shape[1] * np.log(count)
+                cost = count * np.log(left / spare) + X.shape[1] * np.log(count)
                 if cost < best:
                     best, found = cost, head
         return found
