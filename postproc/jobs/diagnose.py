@@ -62,6 +62,9 @@ class DiagnosisJob(Paged):
     def accept(self, names: Sequence[str]) -> None:
         """Let the model hold effects although the instrument may have caused the same.
 
+        Args:
+            names: of effects.
+
         Raises:
             DataError: GAP002 if no effect has such a name.
         """

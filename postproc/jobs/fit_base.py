@@ -50,7 +50,14 @@ class BaseJob:
         return f"BASE_DATA[{self.cell.bases[self.index].number}]={value_text(pose)}"
 
     def cell_file(self, output: str | Path) -> bytes:
-        """Return the cell with this frame, as it is to stand at ``output``."""
+        """Write the cell with this frame.
+
+        Args:
+            output: the path at which it will be saved; files that it names are given from there.
+
+        Returns:
+            The text of the cell file.
+        """
         return cell_with_frame(self.cell, self.index, self.fit.T_robroot_base, output)
 
     @property

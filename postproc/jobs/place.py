@@ -105,7 +105,14 @@ class PlaceJob:
         }
 
     def cell_file(self, output: str | Path) -> bytes:
-        """Return the cell with the place, as it is to stand at ``output``."""
+        """Write the cell with the place.
+
+        Args:
+            output: the path at which it will be saved; files that it names are given from there.
+
+        Returns:
+            The text of the cell file.
+        """
         changes = cell_changes(self.before, self.cell)
         return edited_cell(self.before, changes, output)
 

@@ -131,7 +131,14 @@ class ModelFile:
         return self.text.source((room, effect) if key is None else (room, effect, key))
 
     def table(self, effect: str) -> Table:
-        """Return the table of an effect, of the arm or of the instrument."""
+        """Look up the table of an effect, of the arm or of the instrument.
+
+        Args:
+            effect: name of a table that is there.
+
+        Returns:
+            Its keys and values.
+        """
         return self.instrument[effect] if effect in self.instrument else self.effects[effect]
 
     def require_known(self, effect: str, known: Collection[str]) -> None:

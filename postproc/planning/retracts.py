@@ -115,9 +115,10 @@ def _left_at(
     tag = source + anew
     result, errors = as_of(found, toolpath, tag, row), found.failing_tags
     if len(errors):
-        stuck = np.isin(errors, again)
+        place = errors + np.isin(errors, again - 1)  # which it is left from fails, or entered at
+        stuck = np.isin(place, again)
         others = np.where(errors < 0, -1, tag[errors])[~stuck]
-        return result, tag[errors[stuck]], others
+        return result, tag[place[stuck]], others
     told = (_told(found, toolpath, int(place), int(row[place])) for place in places)
     return replace(result, findings=(*result.findings, *told)), errors, errors
 

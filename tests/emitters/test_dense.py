@@ -50,6 +50,8 @@ def test_a_whole_program():
         "DEF TEST( )",
         "; input: part.cls",
         "; motions: 4",
+        "; tool 1: X 107, Y 0, Z 362, A 0, B 0, C 0",
+        "; base 2: X 1500, Y 0, Z 600, A 0, B 0, C 0",
         ";FOLD INI;%{PE}",
         ";FOLD BASISTECH INI",
         "GLOBAL INTERRUPT DECL 3 WHEN $STOPMESS==TRUE DO IR_STOPM()",

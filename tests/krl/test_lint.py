@@ -214,7 +214,7 @@ MUTANTS = [
     (16, "error", "PANEL.src", "$ADVANCE=3", "$ADVANCE=3\n$VEL_AXIS[7]=50"),
     (16, "error", "PANEL.src", "$ADVANCE=3", "$ADVANCE=3\n$ACC_AXIS[2]=0"),
     (16, "error", "PANEL.src", "$VEL.ORI1=200.0000", "$VEL.ORI1=572.96"),
-    (30, "error", "PANEL.src", "$CIRC_TYPE=#BASE", "$CIRC_TYPE=5"),
+    (30, "error", "PANEL.src", "WAIT SEC 0.5", "$CIRC_TYPE=5"),
     (16, "error", "PANEL.src", "$VEL.ORI1=200.0000", "$VEL={CP 0.2,ORI1 572.96,ORI2 200.0}"),
     (16, "error", "PANEL.src", "BAS(#VEL_PTP,50)", "BAS(#VEL_PTP,500)"),
     (16, "error", "PANEL.dat", "DECL PDAT PPDAT1={VEL 100.0", "DECL PDAT PPDAT1={VEL 0.0"),

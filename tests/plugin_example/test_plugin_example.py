@@ -189,7 +189,7 @@ def test_its_effect_is_adopted_where_it_is_the_cause(installed, tmp_path, cell):
     assert found["name"] == "rail_wave"
     assert found["parameters"]["sine_mm"] == pytest.approx(0.3 * np.cos(0.6), abs=0.01)
     assert found["parameters"]["cosine_mm"] == pytest.approx(0.3 * np.sin(0.6), abs=0.01)
-    assert "[effects.rail_wave]" in (tmp_path / "out" / "model.toml").read_text()
+    assert "[instrument.rail_wave]" in (tmp_path / "out" / "model.toml").read_text()
     assert installed("predict", "rows.csv", "--cell", cell, "--model", "out/model.toml",
                      "-o", "points.csv").returncode == 0  # fmt: skip
 

@@ -64,7 +64,7 @@ def test_the_lines_of_both_texts_stand_side_by_side(page, holes):
     for text in shown:
         number, _, words = text.partition("  ")
         assert source[int(number) - 1] == words
-        assert words.endswith("; CAM line 9")
+        assert words.endswith("; CAM line 9: R04H07")
     assert shown
 
 

@@ -51,7 +51,7 @@ def kinds(report):
 
 
 def told(report):
-    return [w.message.partition(":")[0] for w in report.warnings if w.code == "advance"]
+    return [w.message.partition(" may act")[0] for w in report.warnings if w.code == "advance"]
 
 
 def test_the_lines_of_a_routine_are_judged_as_they_run(folder):
