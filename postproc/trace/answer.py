@@ -272,12 +272,17 @@ class PathDiagnosis:
 
 
 def _filled(stage: Stage, verdict: Verdict) -> FloatArray:
-    """Return the gap (m, n), where it was not measured as the effects would have it."""
-    if np.isfinite(stage.gap).all():
+    """Return the gap (m, n), where it was not measured as the named effects would have it.
+
+    The curve of an unknown one tells nothing where it was not fitted.
+    """
+    good = np.isfinite(stage.gap)
+    if good.all():
         return stage.gap
-    values = values_of(stage, verdict.fitted.thetas)
-    like = sum(values.values(), np.zeros_like(stage.gap)) + verdict.fitted.constants[:, None]
-    return np.where(np.isfinite(stage.gap), stage.gap, like)
+    values = values_of(stage, {name: verdict.fitted.thetas[name] for name in verdict.adopted})
+    like = sum(values.values(), np.zeros_like(stage.gap))
+    rest = np.where(good, stage.gap - like, 0.0).sum(axis=1) / np.maximum(good.sum(axis=1), 1)
+    return np.where(good, stage.gap, like + rest[:, None])
 
 
 def _weight(proof: Proof) -> float:
