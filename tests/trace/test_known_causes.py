@@ -8,10 +8,13 @@ import pytest
 from postproc.cell import load_cell
 from postproc.cli import app
 from postproc.jobs.diagnose_trace import diagnose_trace
+from postproc.kinematics import build
+from postproc.trace.scene import carried
 from tests.places import FIXTURES
-from tests.trace.known import command, place, rows, written
+from tests.trace.known import HEAD, command, place, rows, written
 
 CELL = FIXTURES / "drift_campaign" / "cell.toml"
+XYZ = ("x_mm", "y_mm", "z_mm")
 LAGS = 1e-3 * np.array([12.0, 7.0, 9.0, -4.0, 15.0, 3.0])
 
 
@@ -115,6 +118,21 @@ def test_a_copy_of_the_command_is_undetermined(told, tmp_path):
     # a delay alone leaves the path where it is
     assert figures["AT_p_mm"] < 0.1 * told["delay"]["gap"]["max_mm"]
     assert (figures["runs"], figures["RT_p_mm"]) == (1, None)
+
+
+def test_where_a_tracker_sees_nothing_the_gap_is_no_larger(tmp_path):
+    cell = load_cell(CELL)
+    table = rows(command, 0.008)
+    tool = np.asarray(cell.tool.T_flange_tcp[:3, 3])
+    point = 1e3 * carried(build(cell.robot), np.deg2rad(table[:, 7:]), tool)
+    point += np.random.default_rng(5).normal(0.0, 0.02, point.shape)
+    far = place(table[:, 0])
+    point += 0.1 * np.sin(10.0 * far)[:, None] * [1.0, 1.0, -1.0]
+    point[far > 0.4] = np.nan
+    log = written(tmp_path / "log.csv", np.column_stack([table, point]), HEAD, XYZ)
+    told = diagnose_trace(log, cell).document
+    assert told["verdict"] == "unexplained"
+    assert told["gap"]["max_mm"] < 0.3
 
 
 def test_a_written_model_counts_as_known(tmp_path, capsys):
