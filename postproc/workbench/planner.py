@@ -68,7 +68,8 @@ class Planner:
             self._pipe.send(order)
 
     def close(self) -> None:
-        """End the process."""
+        """End the process; nobody is told that it has ended."""
+        self._pipe = None
         if self._process is not None and self._process.is_alive():
             self._process.kill()
             self._process.join()
@@ -87,7 +88,8 @@ class Planner:
             try:
                 number, what, content = pipe.recv()
             except (EOFError, OSError):
-                self._listener(self._wanted.value, "ended", None)
+                if pipe is self._pipe:  # else it was ended on purpose, and another works
+                    self._listener(self._wanted.value, "ended", None)
                 return
             if number == self._wanted.value:
                 self._listener(number, what, content)
