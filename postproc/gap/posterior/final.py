@@ -213,31 +213,25 @@ def servings(judged: Judged) -> tuple[tuple[Serving, ...], BoolArray]:
 
 
 def _telling(judged: Judged) -> Subset:
-    """Return the candidates that tell most of the arm, each joint's ripple in one form."""
+    """Return the candidates that tell most of the arm, each joint's ripple in one form.
+
+    What has no name and follows a logged condition, as temperature, serves no other campaign.
+    """
     of = judged.posterior
     named = {k for n in judged.adopted for k in n.keys}
     causes = [k for k in judged.whole.keys if of.candidate(k).sort is Sort.CAUSE]
     causes = [k for k in causes if k in named or not of.candidate(k).is_device]
     if judged.verdict in ("explained", "no_gap"):
         return tuple(causes)
-    waves = {k: of.candidate(k) for k in causes if _is_wave(of.candidate(k))}
-    in_waves = {j for k, c in waves.items() if k in named for j in _joints(c)}
+    waves = {k: of.candidate(k) for k in causes if of.candidate(k).is_wave}
+    in_waves = {j for k, c in waves.items() if k in named for j in c.rippled}
     every = of.search.equations.candidates
     usual = [c.key for c in every if c.effect is not None and c.effect.is_common]
     tables = [c for c in every if c.effect is not None and c.effect.on_demand]
-    tables = [c for c in tables if c.key in named or in_waves.isdisjoint(_joints(c))]
-    stay = [k for k in causes if k in named or k not in waves]
+    tables = [c for c in tables if c.key in named or in_waves.isdisjoint(c.rippled)]
+    known = {c.key for c in every if c.effect is not None and not c.effect.unknown_to_programs}
+    stay = [k for k in causes if k in named or (k in known and k not in waves)]
     return tuple(dict.fromkeys((*stay, *usual, *(c.key for c in tables))))
-
-
-def _is_wave(candidate: Candidate) -> bool:
-    return candidate.effect is not None and candidate.effect.periodic
-
-
-def _joints(candidate: Candidate) -> set[int]:
-    """Return the joints whose angle a table or wave is over."""
-    setting = candidate.setting or {}
-    return {int(j) for j in setting.get("joint", [j for j, _ in setting.get("waves", ())])}
 
 
 @dataclass(frozen=True, slots=True)

@@ -92,6 +92,20 @@ class Candidate:
         return self.sort is Sort.WANDER or (self.effect is not None and not self.effect.is_arms)
 
     @property
+    def is_wave(self) -> bool:
+        """Whether it is waves over joint angles."""
+        return self.effect is not None and self.effect.periodic
+
+    @property
+    def rippled(self) -> frozenset[int]:
+        """The joints whose angle it is waves or a table over."""
+        setting = self.setting or {}
+        if self.is_wave:
+            return frozenset(int(joint) for joint, _ in setting["waves"])
+        is_table = self.effect is not None and self.effect.on_demand
+        return frozenset(map(int, setting.get("joint", ()))) if is_table else frozenset()
+
+    @property
     def families(self) -> int:
         """How many scales it has."""
         return int(self.family.max()) + 1

@@ -90,11 +90,17 @@ class Search:
         return max(self.found, key=lambda s: (self.score(s), s))
 
     def is_admissible(self, subset: Iterable[str]) -> bool:
-        """Return whether no slot is taken twice, and the rows suffice for so many."""
+        """Return whether no slot is taken twice, and the rows suffice for so many.
+
+        The ripple of a joint has one form, waves or a table: both together fit the rows as well in
+        ways that cancel where there are some, and run away where there are none.
+        """
         keys = list(subset)
-        slots = [self.equations.by_key[k].slot for k in keys]
-        names = {self.equations.by_key[k].name for k in keys}
-        if not names.isdisjoint(self.barred):
+        each = [self.equations.by_key[k] for k in keys]
+        slots, names = [c.slot for c in each], {c.name for c in each}
+        waves = {j for c in each if c.is_wave for j in c.rippled}
+        tables = {j for c in each if not c.is_wave for j in c.rippled}
+        if not names.isdisjoint(self.barred) or not waves.isdisjoint(tables):
             return False
         return len(set(slots)) == len(slots) and len(names) <= self.largest
 
