@@ -335,6 +335,22 @@ def symmetric(vector: FloatArray) -> FloatArray:
     return out
 
 
+def base_moved(forms: FloatArray) -> FloatArray:
+    """Return (n, 7, 6, 6 f) a shift and a turn of frame 0 in proportion to each form (n, f)."""
+    both = np.eye(6)[[3, 4, 5, 0, 1, 2]]
+    link = np.zeros((len(forms), 7, 6, 6 * forms.shape[1]))
+    link[:, 0] = np.einsum("nf,ij->nifj", forms, both).reshape(len(forms), 6, -1)
+    return link
+
+
+def point_moved(samples: Samples, forms: FloatArray) -> FloatArray:
+    """Return (n, 7, 6, 3 f) a shift, in the flange, of the point beyond joint 6, likewise."""
+    _, _, R_6_flange = samples.arm.link_constants()
+    link = np.zeros((len(forms), 7, 6, 3 * forms.shape[1]))
+    link[:, 6, 3:] = np.einsum("nf,ij->nifj", forms, R_6_flange).reshape(len(forms), 3, -1)
+    return link
+
+
 def centre_and_extent(points: FloatArray) -> Setting:
     """Return the centre [m] and the usual distance per axis [m] of places (n, 3)."""
     centre = np.mean(points, axis=0)

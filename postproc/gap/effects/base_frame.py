@@ -8,7 +8,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.gap.data import Samples
-from postproc.gap.effect import Basis, Effect, Kind, Parameter, Setting, register
+from postproc.gap.effect import Basis, Effect, Kind, Parameter, Setting, base_moved, register
 from postproc.geometry import rotation_from_vector, transform
 from postproc.model import Registration
 
@@ -34,10 +34,7 @@ class BaseFrame(Effect):
     def basis(self, samples: Samples, setting: Setting) -> Basis:
         """Move frame 0."""
         del setting
-        link = np.zeros((len(samples), 7, 6, 6))
-        link[:, 0, 3:, :3] = np.eye(3)
-        link[:, 0, :3, 3:] = np.eye(3)
-        return Basis(link=link)
+        return Basis(link=base_moved(np.ones((len(samples), 1))))
 
     def registered(self, registration: Registration, theta: FloatArray) -> Registration:
         """Move the measured frame of the robot root, at every station."""

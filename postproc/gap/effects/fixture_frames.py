@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from postproc.gap.data import Samples
-from postproc.gap.effect import Basis, Setting, register
+from postproc.gap.effect import Basis, Setting, base_moved, register
 from postproc.gap.effects.tool_frames import Mounts
 
 
@@ -23,10 +21,4 @@ class FixtureFrames(Mounts):
 
     def basis(self, samples: Samples, setting: Setting) -> Basis:
         """Move frame 0 of the rows of a fixture."""
-        here = self.here(samples, setting)
-        link = np.zeros((len(samples), 7, 6, 6 * here.shape[1]))
-        for k in range(here.shape[1]):
-            for axis in range(3):
-                link[:, 0, 3 + axis, 6 * k + axis] = here[:, k]
-                link[:, 0, axis, 6 * k + 3 + axis] = here[:, k]
-        return Basis(link=link)
+        return Basis(link=base_moved(self.here(samples, setting)))

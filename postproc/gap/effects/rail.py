@@ -8,7 +8,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.gap.data import Arm, Samples
-from postproc.gap.effect import Basis, Effect, Kind, Parameter, Setting, State, register
+from postproc.gap.effect import Basis, Effect, Kind, Parameter, Setting, State, base_moved, register
 from postproc.model import ModelFile, entry
 from postproc.units import MM
 
@@ -58,13 +58,10 @@ class Rail(Effect):
         x = (_place(samples) - setting["start"]) / half - 1.0
         f = np.polynomial.legendre.legvander(np.clip(x, -1.0, 1.0), _SHIFTS)[:, 1:]
         f = np.where(np.isfinite(x)[:, None], f, 0.0)
-        link = np.zeros((len(samples), 7, 6, len(self.parameter_list)))
-        for n in range(_SHIFTS):
-            for axis in range(3):
-                link[:, 0, 3 + axis, 3 * n + axis] = f[:, n]
-                if n < _TURNS:
-                    link[:, 0, axis, 3 * (_SHIFTS + n) + axis] = f[:, n]
-        return Basis(link=link)
+        size = len(samples), 7, 6
+        each = base_moved(f).reshape(*size, _SHIFTS, 6)
+        parts = each[..., :3], each[..., :_TURNS, 3:]
+        return Basis(link=np.concatenate([part.reshape(*size, -1) for part in parts], axis=3))
 
     def write(self, state: State, arm: Arm) -> dict[str, Any]:
         """Return the way, and the shifts and turns of each polynomial."""

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from postproc.gap.data import Samples
-from postproc.gap.effect import Basis, Setting, register
+from postproc.gap.effect import Basis, Setting, point_moved, register
 from postproc.gap.effects.tracker_creep import Creep
 
 
@@ -22,8 +20,4 @@ class ReflectorCreep(Creep):
 
     def basis(self, samples: Samples, setting: Setting) -> Basis:
         """Move the point beyond joint 6 in the course of time."""
-        course = self.course(samples, setting)
-        R_6_flange = samples.arm.link_constants()[2]
-        link = np.zeros((len(samples), 7, 6, 6))
-        link[:, 6, 3:, :] = np.einsum("nf,ij->nifj", course, R_6_flange).reshape(-1, 3, 6)
-        return Basis(link=link)
+        return Basis(link=point_moved(samples, self.course(samples, setting)))

@@ -9,7 +9,16 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.gap.data import Arm, Samples
-from postproc.gap.effect import Basis, Effect, Kind, Parameter, Setting, register
+from postproc.gap.effect import (
+    Basis,
+    Effect,
+    Kind,
+    Parameter,
+    Setting,
+    base_moved,
+    point_moved,
+    register,
+)
 from postproc.geometry import rotation_from_vector, transform
 from postproc.model import Registration
 
@@ -60,21 +69,17 @@ class SetUpFrames(Effect):
     def basis(self, samples: Samples, setting: Setting) -> Basis:
         """Move frame 0 of the rows of a station, and the point beyond joint 6 of a reflector."""
         stations, reflectors = int(setting["stations"]), int(setting["reflectors"])
-        frames, references = 6 * (stations - 1) + 3 * (reflectors - 1), samples.references
-        size = frames + int(setting.get("references", 0))
-        link, point = np.zeros((len(samples), 7, 6, size)), np.zeros((len(samples), 3, size))
-        if references is not None and size > frames:
-            point[:, :, frames:] = references
-        if samples.set_up is None:
-            return Basis(link=link, point=point)
-        R_6_flange = samples.arm.link_constants()[2]
-        for s in range(1, stations):
-            here, at = samples.set_up[:, 0] == s, 6 * (s - 1)
-            link[here, 0, 3:, at : at + 3] = np.eye(3)
-            link[here, 0, :3, at + 3 : at + 6] = np.eye(3)
-        for r in range(1, reflectors):
-            here, at = samples.set_up[:, 1] == r, 6 * (stations - 1) + 3 * (r - 1)
-            link[here, 6, 3:, at : at + 3] = R_6_flange
+        n, references = len(samples), int(setting.get("references", 0))
+        set_up = np.zeros((n, 2)) if samples.set_up is None else samples.set_up
+        at_station, of_reflector = (
+            np.asarray(set_up[:, k, None] == np.arange(1, count), dtype=np.float64)
+            for k, count in enumerate((stations, reflectors))
+        )
+        moved = [base_moved(at_station), point_moved(samples, of_reflector)]
+        link = np.concatenate([*moved, np.zeros((n, 7, 6, references))], axis=3)
+        point = np.zeros((n, 3, link.shape[3]))
+        if samples.references is not None and references:
+            point[:, :, -references:] = samples.references
         return Basis(link=link, point=point)
 
     def registered(self, registration: Registration, theta: FloatArray) -> Registration:

@@ -8,7 +8,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.gap.data import Samples
-from postproc.gap.effect import Basis, Effect, Kind, Parameter, Setting, register
+from postproc.gap.effect import Basis, Effect, Kind, Parameter, Setting, point_moved, register
 from postproc.model import Registration
 
 
@@ -33,10 +33,7 @@ class ToolFrame(Effect):
     def basis(self, samples: Samples, setting: Setting) -> Basis:
         """Move the point beyond joint 6."""
         del setting
-        _, _, R_6_flange = samples.arm.link_constants()
-        link = np.zeros((len(samples), 7, 6, 3))
-        link[:, 6, 3:, :] = R_6_flange
-        return Basis(link=link)
+        return Basis(link=point_moved(samples, np.ones((len(samples), 1))))
 
     def registered(self, registration: Registration, theta: FloatArray) -> Registration:
         """Move the measured point in the flange."""

@@ -8,7 +8,16 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.gap.data import Arm, Samples
-from postproc.gap.effect import Basis, Effect, Kind, Parameter, Setting, State, register
+from postproc.gap.effect import (
+    Basis,
+    Effect,
+    Kind,
+    Parameter,
+    Setting,
+    State,
+    point_moved,
+    register,
+)
 from postproc.model import ModelFile, entry
 
 
@@ -75,7 +84,4 @@ class ToolFrames(Mounts):
 
     def basis(self, samples: Samples, setting: Setting) -> Basis:
         """Move the point beyond joint 6 of the rows of a tool."""
-        R_6_flange, here = samples.arm.link_constants()[2], self.here(samples, setting)
-        link = np.zeros((len(samples), 7, 6, 3 * here.shape[1]))
-        link[:, 6, 3:] = np.einsum("nk,ij->nikj", here, R_6_flange).reshape(len(here), 3, -1)
-        return Basis(link=link)
+        return Basis(link=point_moved(samples, self.here(samples, setting)))

@@ -8,7 +8,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.gap.data import Arm, Samples
-from postproc.gap.effect import Basis, Effect, Kind, Parameter, Setting, State, register
+from postproc.gap.effect import Basis, Effect, Kind, Parameter, Setting, State, base_moved, register
 from postproc.model import ModelFile, entry
 
 _FORMS = ("line", "curve")
@@ -84,10 +84,4 @@ class TrackerCreep(Creep):
 
     def basis(self, samples: Samples, setting: Setting) -> Basis:
         """Move frame 0 in the course of time."""
-        course = self.course(samples, setting)
-        link = np.zeros((len(samples), 7, 6, 12))
-        for index in range(len(_FORMS)):
-            for axis in range(3):
-                link[:, 0, 3 + axis, 6 * index + axis] = course[:, index]
-                link[:, 0, axis, 6 * index + 3 + axis] = course[:, index]
-        return Basis(link=link)
+        return Basis(link=base_moved(self.course(samples, setting)))
