@@ -223,12 +223,11 @@ def _telling(judged: Judged) -> Subset:
     causes = [k for k in causes if k in named or not of.candidate(k).is_device]
     if judged.verdict in ("explained", "no_gap"):
         return tuple(causes)
-    waves = {k: of.candidate(k) for k in causes if of.candidate(k).is_wave}
-    in_waves = {j for k, c in waves.items() if k in named for j in c.rippled}
+    waves = {k for k in causes if of.candidate(k).waves}
+    in_waves = {joint for k in waves & named for joint in of.candidate(k).waves}
     every = of.search.equations.candidates
     usual = [c.key for c in every if c.effect is not None and c.effect.is_common]
-    tables = [c for c in every if c.effect is not None and c.effect.on_demand]
-    tables = [c for c in tables if c.key in named or in_waves.isdisjoint(c.rippled)]
+    tables = [c for c in every if c.tables and (c.key in named or in_waves.isdisjoint(c.tables))]
     known = {c.key for c in every if c.effect is not None and not c.effect.unknown_to_programs}
     stay = [k for k in causes if k in named or (k in known and k not in waves)]
     return tuple(dict.fromkeys((*stay, *usual, *(c.key for c in tables))))

@@ -63,7 +63,8 @@ class Candidate:
     key: its own; name: of the effect or class; slot: of two candidates of one slot a model has one
     at most; family: (k,) 0.. numbers that share a scale; odds: logarithm, before any row; fixed:
     the scale is 1 whatever the rows say; effect, setting: where it is one, and of its numbers the
-    root (k, k) of the prior and the least (k,), SI; group: where it is a class.
+    root (k, k) of the prior and the least (k,), SI; waves, tables: joints over whose angle it has
+    such; group: where it is a class.
     """
 
     key: str
@@ -77,6 +78,8 @@ class Candidate:
     setting: Setting | None = None
     root: FloatArray | None = None
     lower: FloatArray | None = None
+    waves: frozenset[int] = frozenset()
+    tables: frozenset[int] = frozenset()
     group: Group | None = None
 
     @property
@@ -90,20 +93,6 @@ class Candidate:
         if self.group is not None:
             return self.group.kind == "time" and self.group.of in ("station", "reflector")
         return self.sort is Sort.WANDER or (self.effect is not None and not self.effect.is_arms)
-
-    @property
-    def is_wave(self) -> bool:
-        """Whether it is waves over joint angles."""
-        return self.effect is not None and self.effect.periodic
-
-    @property
-    def rippled(self) -> frozenset[int]:
-        """The joints whose angle it is waves or a table over."""
-        setting = self.setting or {}
-        if self.is_wave:
-            return frozenset(int(joint) for joint, _ in setting["waves"])
-        is_table = self.effect is not None and self.effect.on_demand
-        return frozenset(map(int, setting.get("joint", ()))) if is_table else frozenset()
 
     @property
     def families(self) -> int:
@@ -136,7 +125,10 @@ def of_effect(
     order = list(dict.fromkeys(p.family for p in parameters))
     family = np.array([order.index(p.family) for p in parameters], dtype=np.int32)
     lower = np.array([p.lower for p in parameters])
-    return Candidate(key, effect.name, sort, slot, X, family, odds, effect, setting, root, lower)
+    waves = frozenset(int(joint) for joint, _ in (setting["waves"] if effect.periodic else ()))
+    tables = frozenset(map(int, setting["joint"] if effect.on_demand else ()))
+    of = effect, setting, root, lower, waves, tables
+    return Candidate(key, effect.name, sort, slot, X, family, odds, *of)
 
 
 def odds_of(effect: Effect, setting: Setting) -> float:

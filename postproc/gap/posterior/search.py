@@ -98,8 +98,8 @@ class Search:
         keys = list(subset)
         each = [self.equations.by_key[k] for k in keys]
         slots, names = [c.slot for c in each], {c.name for c in each}
-        waves = {j for c in each if c.is_wave for j in c.rippled}
-        tables = {j for c in each if not c.is_wave for j in c.rippled}
+        waves = {joint for c in each for joint in c.waves}
+        tables = {joint for c in each for joint in c.tables}
         if not names.isdisjoint(self.barred) or not waves.isdisjoint(tables):
             return False
         return len(set(slots)) == len(slots) and len(names) <= self.largest
