@@ -275,19 +275,18 @@ class _Job:
         """Return the causes that only together keep the job from being run."""
         things = [*self._rules, *self._solids]
         place, lost = self._placed(things)
-        here = self._cell if place is None else place[0].at(place[1])
+        # converted is what is told, which is rounded
+        here = self._cell if place is None else place[0].at(place[0].rounded(place[1]))
         needed = self._needed(things, here) if place or self.stands(_off(things, here)) else []
         found: list[tuple[Cure, float]] = [] if place is None else [place]
-        which = [] if place is None else [lost]
+        which, start = [] if place is None else [lost], here
         for k, thing in enumerate(needed):
             rest = needed[k + 1 :]
             cure = next(self._least(thing.cures(here), lambda c, r=rest: _off(r, c)), None)  # type: ignore[misc]
             if cure is None:
                 return (self._unproven(found),)
             alone = [other for other in needed if other is not thing]
-            which.append(
-                self._lost(_off(alone, self._cell if place is None else place[0].at(place[1])))
-            )
+            which.append(self._lost(_off(alone, start)))
             here = cure[0].at(cure[0].rounded(cure[1]))
             found.append(cure)
         if not found or not converts(here):

@@ -229,9 +229,8 @@ def met(tool: Obstacle, part: Obstacle) -> Obstacle:
     def cures(cell: Cell) -> list[Cure]:
         found = {cure.words(cure.most): cure for one in (part, tool) for cure in one.cures(cell)}
         blame = f"{tool.name} hits {part.name}"
-        return [
-            cure if "scale" in cure.blame else replace(cure, blame=blame) for cure in found.values()
-        ]
+        # what has no amount is a wrong scale, and says so itself
+        return [replace(cure, blame=blame) if cure.first else cure for cure in found.values()]
 
     return Obstacle(tool.off, cures)
 
@@ -248,8 +247,9 @@ def _solid(solid: MeshPlacement, name: str, frame: str) -> Obstacle:
     def cures(cell: Cell) -> list[Cure]:
         blame = f"{name} is in the way"
         is_fixture = any(solid is one for one in cell.obstacles)
+        can = _can_stand(cell, solid) if is_fixture else lambda by: True
         signed = [sign * way for way in np.eye(3) for sign in (1.0, -1.0)]
-        moves = [_moved_solid(cell, solid, way, blame, name, frame) for way in signed]
+        moves = [_moved_solid(cell, solid, way, can, blame, name, frame) for way in signed]
         if solid.file is not None and not np.isclose(solid.scale, MM):
             right = _swapped(cell, solid, replace(solid, scale=MM))
             scaled = f"{name} has scale = {solid.scale / MM:g}"
@@ -262,22 +262,20 @@ def _solid(solid: MeshPlacement, name: str, frame: str) -> Obstacle:
 
 
 def _moved_solid(
-    cell: Cell, solid: MeshPlacement, way: FloatArray, blame: str, name: str, frame: str
+    cell: Cell,
+    solid: MeshPlacement,
+    way: FloatArray,
+    can: Callable[[FloatArray], bool],
+    blame: str,
+    name: str,
+    frame: str,
 ) -> Cure:
     def at(by: float) -> Cell:
         T = np.array(solid.T_owner_mesh)
         T[:3, 3] += by * way
         return _swapped(cell, solid, replace(solid, T_owner_mesh=T))
 
-    is_fixture = any(solid is one for one in cell.obstacles)
     words = f"along {way_of(way)} of {frame}"
-    others = _boxes(cell, solid) if is_fixture else []
-    box = _box(solid, np.eye(4))
-
-    def can(by: float) -> bool:
-        moved = box + by * way
-        return all(_depth(moved, other) <= _depth(box, other) + 1e-9 for other in others)
-
     return Cure(
         blame,
         LONGEST / 4.0,
@@ -286,8 +284,19 @@ def _moved_solid(
         "mm",
         SHORTEST,
         lambda by: by / MM,
-        can,
+        lambda by: can(by * way),
     )
+
+
+def _can_stand(cell: Cell, fixture: MeshPlacement) -> Callable[[FloatArray], bool]:
+    """Return whether a fixture moved by (3,) [m] comes no deeper into what else stands there."""
+    box, others = _box(fixture, np.eye(4)), _boxes(cell, fixture)
+    depth = [_depth(box, other) + 1e-9 for other in others]
+
+    def can(by: FloatArray) -> bool:
+        return all(_depth(box + by, other) <= now for other, now in zip(others, depth, strict=True))
+
+    return can
 
 
 def _box(placement: MeshPlacement, T_world_owner: FloatArray) -> FloatArray:
