@@ -89,7 +89,7 @@ def judged(stage: Stage) -> Verdict:
     sigma = _noise(part, part.gap)
     fits, fullest = _grown(part, sigma)
     best_full = min(fullest, key=lambda key: _unexplained(fits[key]))
-    rest = rest_of(part, fits[best_full].thetas) - fits[best_full].constants[:, None]
+    rest = _left_by(part, fits[best_full])
     sigma = _noise(part, rest)
     worth = _memory(part, rest)
     for full in fullest:
@@ -165,20 +165,18 @@ def _grown(
     for first in [*rivals, None]:
         now, waiting = nothing, [*([first] if first else []), *alone]
         while waiting:
-            gains = []
+            gains, rest = [], _left_by(stage, fits[now])
+            level = np.maximum(_noise(stage, rest), WEIGHTLESS)
             for name in waiting:
                 key = now | {name}
                 if key not in fits and key not in mute:
-                    rest = rest_of(stage, fits[now].thetas) - fits[now].constants[:, None]
-                    level = np.maximum(_noise(stage, rest), WEIGHTLESS)
                     theta = PATH_EFFECTS.get(name).start(stage, rest, level)
                     if theta is None:
                         mute.add(key)
                     else:
                         fits[key] = fit(stage, {**fits[now].thetas, name: theta}, sigma)
                 if key in fits:
-                    rest = rest_of(stage, fits[key].thetas) - fits[key].constants[:, None]
-                    worth = _memory(stage, rest)
+                    worth = _memory(stage, _left_by(stage, fits[key]))
                     pair = [_evidence(fits[k], sigma, worth) for k in (key, now)]
                     gains.append((pair[0] - pair[1], name))
             telling = [(is_cause[name], gain, name) for gain, name in gains if gain > -HOPELESS]
@@ -188,6 +186,11 @@ def _grown(
             waiting.remove(max(telling)[2])
         fullest.append(now)
     return fits, fullest
+
+
+def _left_by(stage: Stage, found: Fit) -> FloatArray:
+    """Return what a set leaves (m, n), about nothing."""
+    return np.asarray(rest_of(stage, found.thetas) - found.constants[:, None])
 
 
 def _unexplained(found: Fit) -> float:
