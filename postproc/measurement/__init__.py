@@ -28,6 +28,12 @@ from postproc.measurement.registration import (
     rigid_motion,
     unloaded_rows,
 )
-from postproc.measurement.repair import points_of_rows, repaired, tool_points, without_copies
+from postproc.measurement.repair import (
+    labels_of,
+    points_of_rows,
+    repaired,
+    tool_points,
+    without_copies,
+)
 from postproc.measurement.rows import MeasurementSet, Remark
 from postproc.measurement.setups import MEAN_LENGTH, SetUps, robust_sigma, set_ups

@@ -8,7 +8,7 @@ is not sure stays as it is and is judged later with the other measuring faults.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -237,6 +237,11 @@ def tool_points(cell: Cell) -> dict[str, FloatArray]:
     return {str(tool.number): np.asarray(tool.T_flange_tcp[:3, 3]) for tool in cell.tools}
 
 
+def labels_of(column: Iterable[object]) -> list[str]:
+    """Return the labels of rows; numbers that a table wrote with a point are the same without."""
+    return [str(label).removesuffix(".0") for label in column]
+
+
 def points_of_rows(
     tools: Mapping[str, FloatArray], extra: Mapping[str, Any], default: FloatArray
 ) -> FloatArray | None:
@@ -252,4 +257,4 @@ def points_of_rows(
     labels = extra.get(COLUMN)
     if labels is None or len(tools) < 2:
         return None
-    return np.array([tools.get(str(label).removesuffix(".0"), default) for label in labels])
+    return np.array([tools.get(label, default) for label in labels_of(labels)])

@@ -18,6 +18,7 @@ from postproc.gap.effect import (
     point_moved,
     register,
 )
+from postproc.measurement import labels_of
 from postproc.model import ModelFile, entry
 
 
@@ -30,7 +31,7 @@ class Mounts(Effect):
 
     def prepare(self, samples: Samples) -> Setting:
         """Return the labels in the rows."""
-        return {"labels": sorted(set(_words(samples, self.needs[0])))}
+        return {"labels": sorted(set(labels_of(samples.column(self.needs[0]))))}
 
     def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
         """Return three numbers of each motion for each label."""
@@ -44,7 +45,7 @@ class Mounts(Effect):
 
     def here(self, samples: Samples, setting: Setting) -> FloatArray:
         """Return (n, k) 1 where a row has a label."""
-        words = np.array(_words(samples, self.needs[0]))
+        words = np.array(labels_of(samples.column(self.needs[0])))
         return np.asarray(words[:, None] == np.array(setting["labels"]), dtype=np.float64)
 
     def write(self, state: State, arm: Arm) -> dict[str, Any]:
@@ -63,11 +64,6 @@ class Mounts(Effect):
         labels = [str(label) for label in model.table(self.name).get(self.needs[0], ())]
         parts = [np.asarray(model.values(self.name, key, (len(labels), 3))) for key in keys]
         return State(np.stack(parts, axis=1).ravel(), {"labels": labels})
-
-
-def _words(samples: Samples, column: str) -> list[str]:
-    """Return the labels of rows; numbers that a table wrote with a point are the same without."""
-    return [str(label).removesuffix(".0") for label in samples.column(column)]
 
 
 @register
