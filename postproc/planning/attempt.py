@@ -13,6 +13,7 @@ chosen together, travel counted, so that the way between two of them rarely cros
 from __future__ import annotations
 
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -64,6 +65,14 @@ class Choice:
     best: FloatArray
 
 
+class Made(NamedTuple):
+    """A whole attempt: by which checks, the poses, and the moves between them."""
+
+    checker: Checker
+    choice: Choice
+    routed: Route
+
+
 class Attempt:
     """The stages of a plan, each worked out when it is asked for: found, chosen, choice, routed.
 
@@ -99,16 +108,6 @@ class Attempt:
         self._asked = int(keys.sum())
         self.search = searched(checker, np.flatnonzero(keys), self._search_options(), self.between)
 
-    def widen(self) -> bool:
-        """Search all poses at once where it was done lap by lap; return whether it was."""
-        if self.search.options.window is None:
-            return False
-        self.search = PoseSearch.of(
-            self.checker, self.search.tags, self._search_options(), self.between
-        )
-        self.renew()
-        return True
-
     def _search_options(self) -> SearchOptions:
         problem, best = self.checker.problem, self._best
         if best is None:
@@ -119,7 +118,13 @@ class Attempt:
         return SearchOptions(each=each, cut_travel=TIE_TRAVEL, least=least, stretch=number)
 
     def renew(self) -> None:
-        """Forget what was worked out: the search has changed."""
+        """Forget what was worked out: the search has changed.
+
+        A long one that was done lap by lap is done anew as a whole.
+        """
+        if self.search.options.window is not None:
+            options = self._search_options()
+            self.search = PoseSearch.of(self.checker, self.search.tags, options, self.between)
         for stage in ("found", "chosen", "choice", "routed"):
             self.__dict__.pop(stage, None)
 
@@ -179,3 +184,8 @@ class Attempt:
         chosen, runs = self.choice.chosen, self.runs
         self.clock.begin("route")
         return route(self.checker, chosen, goes_on=self.goes_on, runs=runs)
+
+    @property
+    def made(self) -> Made:
+        """All of it."""
+        return Made(self.checker, self.choice, self.routed)

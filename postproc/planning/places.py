@@ -18,7 +18,7 @@ from postproc.kinematics import wrist_distance
 from postproc.model import ToolPath
 from postproc.paths import Externals
 from postproc.planning.checks import NEAR, Checker, near_solids
-from postproc.planning.planner import checker_of, problem_of
+from postproc.planning.job import checker_of, problem_of
 from postproc.planning.states import PlanOptions, Problem, States, postures, sample, settle
 from postproc.process import as_served, claimed, driven, holes_served
 from postproc.records import dataclass

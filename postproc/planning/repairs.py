@@ -1,15 +1,16 @@
 """What may be tried where poses or ways are missing: the table of repairs.
 
-Each looks at an attempt, and where it serves changes the search and returns True. The first of the
-table that serves is taken. Those without a price let the search look closer until what fails is
-refuted; the others cost a plan each, and are tried so often in vain.
+Each looks at what a level made, and where it serves changes how that is made and returns True. The
+first of the table that serves is taken. Those without a price let the search look closer until what
+fails is refuted; the others cost a plan each, and are tried so often in vain.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
+from enum import Enum
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -27,16 +28,34 @@ from postproc.planning.search import (
 )
 from postproc.planning.states import sample, tilt_grid
 
+
+class Changing(Protocol):
+    """What has one repair, which it knows by itself."""
+
+    def change(self) -> bool:
+        """Change what failed; return whether there is anything left to try."""
+
+
 _LOOKED_AT = 5
 """Failing tags of which it is looked whether there is a pose at all."""
+
+
+class Level(Enum):
+    """What a repair changes."""
+
+    SEARCH = "the search for poses of one toolpath where the axes stand or follow a course"
+    PLACES = "where the external axes stand at each tag"
+    CUTS = "where cuts are left and entered again"
+    WAYS = "what is planned: by another preset, in another order"
 
 
 class Repair(NamedTuple):
     """What may be tried: its name, the evidence that it serves, its price in plans made in vain."""
 
+    level: Level
     name: str
     evidence: str
-    serve: Callable[[Attempt], bool]
+    serve: Callable[[Any], bool]
     price: int = 0
 
 
@@ -139,12 +158,29 @@ def _has_none(checker: Checker, tags: list[int]) -> bool:
     return False
 
 
+def _change(state: Changing) -> bool:
+    return state.change()
+
+
+SEARCH = Level.SEARCH
 REPAIRS = (
-    Repair("faster turns", "a cut has no way at steady turns", _turn_faster),
-    Repair("more key tags and finer spins", "a cut fails, a tag has no pose", _look_closer),
-    Repair("less roll", "a cut rolls the tool far", _roll_less),
-    Repair("a steady posture", "no free way was found for a change of it", _keep_posture),
-    Repair("key tags for less loss", "tags lose more than the bound", _lose_less),
-    Repair("poses on one side of a gap", "no free way joins two poses", _avoid_gap, 3),
-    Repair("more tilts", "tags fail that have a pose", _tilt_more, 1),
+    Repair(SEARCH, "faster turns", "a cut has no way at steady turns", _turn_faster),
+    Repair(
+        Level.SEARCH,
+        "more key tags and finer spins",
+        "a cut fails, a tag has no pose",
+        _look_closer,
+    ),
+    Repair(SEARCH, "less roll", "a cut rolls the tool far", _roll_less),
+    Repair(
+        Level.SEARCH, "a steady posture", "no free way was found for a change of it", _keep_posture
+    ),
+    Repair(SEARCH, "key tags for less loss", "tags lose more than the bound", _lose_less),
+    Repair(
+        Level.SEARCH, "poses on one side of a gap", "no free way joins two poses", _avoid_gap, 3
+    ),
+    Repair(SEARCH, "more tilts", "tags fail that have a pose", _tilt_more, 1),
+    Repair(Level.PLACES, "another place", "a cut is refused where they stand", _change, 11),
+    Repair(Level.CUTS, "a cut left and entered again", "no posture serves a cut", _change, 11),
+    Repair(Level.WAYS, "another way to plan", "haste and free orders need not pay", _change, 3),
 )

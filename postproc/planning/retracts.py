@@ -8,90 +8,88 @@ are tried.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
 from postproc.arrays import IndexArray
 from postproc.cell import Cell
-from postproc.errors import LISTED, Finding, Severity
+from postproc.errors import Finding, Severity
 from postproc.model import CUTS, MotionKind, Plan, ToolPath
+from postproc.planning.external import plan_with_external_axes
+from postproc.planning.job import Job
+from postproc.planning.repairs import Level
 from postproc.planning.repeats import as_of
-from postproc.planning.states import REENTRY, Chosen, Problem, entered_anew
+from postproc.planning.solve import Rank, rank, repaired, with_tried
+from postproc.planning.states import REENTRY
 from postproc.units import DEG
 
-_ROUNDS = 16
-"""So often at most another place is taken once the cut has been left at the known ones."""
 
+def with_retracts(job: Job, toolpath: ToolPath, cell: Cell) -> Plan:
+    """Return the plan of a toolpath of one tool in one base.
 
-def with_retracts(toolpath: ToolPath, cell: Cell, plan_here: Callable[[ToolPath], Plan]) -> Plan:
-    """Return the plan of a toolpath, its cuts left and entered again where nothing else helps.
-
-    Args:
-        toolpath: what is asked for.
-        cell: says whether cuts may be left.
-        plan_here: a toolpath to its plan, errors at tags that no cut enters.
+    Where the cell lets it, its cuts are left and entered again where nothing else helps.
     """
-    refused = result = plan_here(toolpath)
-    if not cell.motion.retract_in_cuts:
-        return result
-    places: dict[int, int] = {}
-    stuck = broken = np.zeros(0, dtype=np.int64)
-    for _ in range(_ROUNDS):
-        if not result.errors:
-            return result
-        if not places:
-            broken = result.failing_tags
-        if not _is_left_elsewhere(toolpath, places, stuck, broken):
-            return refused
-        at = np.unique(np.array(list(places.values()), dtype=np.int64))
-        result, stuck, broken = _left_at(toolpath, at, plan_here)
-    return refused
+    return with_tried(*repaired(_Cuts(job, toolpath, cell), Level.CUTS))
 
 
-def _is_left_elsewhere(
-    toolpath: ToolPath, places: dict[int, int], stuck: IndexArray, broken: IndexArray
-) -> bool:
-    """Take other places at which cuts are left, in place; return whether that may help."""
-    kind = np.asarray(toolpath.kind)
-    known = any(place <= tag <= end for end, place in places.items() for tag in broken.tolist())
-    if known or not (broken >= 1).all() or not np.isin(kind[broken], CUTS).all():
-        return False
-    for end in [end for end, place in places.items() if place in stuck]:
-        place = end - max(1, 2 * (end - places[end]))
-        if place < 2 or not np.isin(kind[place - 1 : end], CUTS).all():
+def _served(job: Job, toolpath: ToolPath, cell: Cell) -> Plan:
+    """Return the plan of a toolpath whose cuts are left nowhere."""
+    plan_of = plan_with_external_axes if cell.external_axes else Job.planned
+    return plan_of(job, toolpath, cell)
+
+
+class _Cuts:
+    """The cuts of a toolpath, and at which tags they are left: last tag of each, and the place."""
+
+    def __init__(self, job: Job, toolpath: ToolPath, cell: Cell) -> None:
+        self._job, self._path, self._cell = job, toolpath, cell
+        self._places: dict[int, int] = {}
+
+    def renew(self) -> None:
+        """Forget the plan."""
+        self.__dict__.pop("_left", None)
+
+    @cached_property
+    def _left(self) -> tuple[Plan, IndexArray, IndexArray]:
+        """The plan, the places that the tool cannot leave, the tags at which cuts break."""
+        if not self._places:
+            made = _served(self._job, self._path, self._cell)
+            return made, np.zeros(0, dtype=np.int64), made.failing_tags
+        at = np.unique(np.array(list(self._places.values()), dtype=np.int64))
+        return _left_at(self._job, self._path, self._cell, at)
+
+    @property
+    def made(self) -> Plan:
+        """The plan."""
+        return self._left[0]
+
+    @property
+    def rank(self) -> Rank:
+        """Its rank."""
+        return rank(self.made.findings, self.made.cycle_time)
+
+    def change(self) -> bool:
+        """Take other places at which cuts are left; return whether that may help."""
+        if not self._cell.motion.retract_in_cuts or not self.made.errors:
             return False
-        places[end] = place
-    places |= {tag: tag for tag in broken.tolist()}
-    return True
-
-
-def changes_between(problem: Problem, chosen: Chosen) -> list[Finding]:
-    """Return the note of cuts that begin in another arm configuration than the one before ended."""
-    toolpath = problem.toolpath
-    cuts = np.flatnonzero(np.isin(np.asarray(toolpath.kind), CUTS) & chosen.good)
-    first = cuts[np.append(True, np.diff(cuts) > 1)[: len(cuts)]][1:] - 1
-    last = cuts[np.searchsorted(cuts, first) - 1]
-    leap = np.abs(chosen.q[first] - chosen.q[last]).max(axis=1, initial=0.0) > np.pi
-    leap |= chosen.branch[first] != chosen.branch[last]
-    leap &= chosen.good[first]  # else it is inside a cut, at a tag that cannot be run
-    leap &= ~entered_anew(toolpath)[first]
-    new = first[leap]
-    if not len(new):
-        return []
-    lines = toolpath.line[new].tolist()
-    more = f" and {len(lines) - LISTED} more" if len(lines) > LISTED else ""
-    text = (
-        "between cuts the tool is lifted off and the arm goes on in another configuration, or an "
-        f"axis by more than half a turn: lines {', '.join(map(str, lines[:LISTED]))}{more}"
-    )
-    source = toolpath.source(int(new[0]))
-    return [Finding(Severity.NOTE, "PLN311", text, int(new[0]), source)]
+        (_, stuck, broken), places = self._left, self._places
+        kind = np.asarray(self._path.kind)
+        known = any(place <= tag <= end for end, place in places.items() for tag in broken.tolist())
+        if known or not (broken >= 1).all() or not np.isin(kind[broken], CUTS).all():
+            return False
+        for end in [end for end, place in places.items() if place in stuck]:
+            place = end - max(1, 2 * (end - places[end]))
+            if place < 2 or not np.isin(kind[place - 1 : end], CUTS).all():
+                return False
+            places[end] = place
+        places |= {tag: tag for tag in broken.tolist()}
+        return True
 
 
 def _left_at(
-    toolpath: ToolPath, places: IndexArray, plan_here: Callable[[ToolPath], Plan]
+    job: Job, toolpath: ToolPath, cell: Cell, places: IndexArray
 ) -> tuple[Plan, IndexArray, IndexArray]:
     """Return the plan in which the cuts into tags ``places`` (k,) are left and entered again.
 
@@ -111,16 +109,16 @@ def _left_at(
         joints = np.where(anew[:, None], np.nan, joints)
     extra = {**longer.extra, REENTRY: anew}
     longer = replace(longer, kind=kind, feed=feed, joints=joints, extra=extra)
-    found = plan_here(longer)
+    found = _served(job, longer, cell)
     tag = source + anew
     result, errors = as_of(found, toolpath, tag, row), found.failing_tags
-    if len(errors):
-        place = errors + np.isin(errors, again - 1)  # which it is left from fails, or entered at
-        stuck = np.isin(place, again)
-        others = np.where(errors < 0, -1, tag[errors])[~stuck]
-        return result, tag[place[stuck]], others
-    told = (_told(found, toolpath, int(place), int(row[place])) for place in places)
-    return replace(result, findings=(*result.findings, *told)), errors, errors
+    ran = [at for at in places.tolist() if np.isin(row[at] - [1, 2], found.tag).all()]
+    told = (_told(found, toolpath, at, int(row[at])) for at in ran)
+    result = replace(result, findings=(*result.findings, *told))
+    place = errors + np.isin(errors, again - 1)  # which it is left from fails, or entered at
+    stuck = np.isin(place, again)
+    others = np.where(errors < 0, -1, tag[errors])[~stuck]
+    return result, tag[place[stuck]], others
 
 
 def _told(found: Plan, toolpath: ToolPath, place: int, row: int) -> Finding:

@@ -1,55 +1,110 @@
-"""The one loop of planning: attempt, and where that fails repair what there is evidence for.
+"""The one loop of planning: make a plan, and where it fails repair what there is evidence for.
 
-``REPAIRS`` says what may be tried. Every attempt whose poses are found and joined is compared with
-the best so far; what was tried, and how often, is the record that users get.
+``REPAIRS`` says what may be tried, level by level: a search, the places of the external axes, cuts
+that are left, ways to plan at all. Every plan is compared with the best so far, by one rule; what
+was tried, and how often, is the record that users get.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from typing import Protocol, TypeVar, cast
 
 import numpy as np
 
 from postproc.errors import Finding
 from postproc.ladder import Rule
-from postproc.planning.attempt import Attempt, Choice
+from postproc.model import Plan
+from postproc.planning.attempt import Attempt, Made
 from postproc.planning.checks import Checker
-from postproc.planning.repairs import REPAIRS
+from postproc.planning.repairs import REPAIRS, Level
 from postproc.planning.route import Route, route
 from postproc.planning.search import step_rules
 from postproc.planning.states import Chosen
 from postproc.progress import Clock
 from postproc.records import dataclass
 
-MOST_PLANS = 11
-"""So many plans are made at most, the first one with them."""
+MOST_PLANS = 12
+"""So many plans of a level are made at most, the first one with them."""
 _DROPS = 20
+_LOST = "PLN305"
+"""More stiffness is lost than the bound allows."""
 _PARTED = (
     "poses chosen otherwise (times tried: {times}) are not joined by free ways either: move what "
     "is in the way, or put the tags on its two sides into programs of their own"
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Solved:
-    """The best attempt: by which checks, the poses, their moves, and why tags are left out.
+Rank = tuple[int, int, float]
+"""What plans are compared by, the least is best: findings that refuse it, bounds of loss that it
+breaks, time [s]."""
+M_co = TypeVar("M_co", covariant=True)
+M = TypeVar("M")
 
-    ``tried``: how often each repair was, in all.
-    """
 
-    checker: Checker
-    choice: Choice
-    routed: Route
-    tried: dict[str, int]
-    dropped: list[Finding]
+class State(Protocol[M_co]):
+    """What repairs of a level change."""
 
     @property
-    def errors(self) -> int:
-        """How many findings refuse the plan."""
-        found = (*self.choice.findings, *self.routed.findings)
-        return sum(finding.is_error for finding in found)
+    def made(self) -> M_co:
+        """What comes of it as it is."""
+
+    @property
+    def rank(self) -> Rank:
+        """The rank of that."""
+
+    def renew(self) -> None:
+        """Forget what was made: it was changed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Solved:
+    """The best attempt, and why tags are left out; ``tried``: how often each repair was, in all."""
+
+    made: Made
+    tried: Counter[str]
+    dropped: list[Finding]
+
+
+def rank(findings: Iterable[Finding], seconds: float) -> Rank:
+    """Return the rank of a plan by its findings and the time that it takes [s]."""
+    known = list(findings)
+    return sum(f.is_error for f in known), sum(f.code == _LOST for f in known), round(seconds, 3)
+
+
+def repaired(state: State[M], level: Level) -> tuple[M, Counter[str]]:
+    """Return the best that comes of repairs of a level, and how often each was tried."""
+    rows = [repair for repair in REPAIRS if repair.level is level]
+    best: tuple[Rank, M] | None = None
+    in_vain, tried, plans = Counter[str](), Counter[str](), 0
+    while True:
+        repair = next((r for r in rows if not r.price and r.serve(state)), None)
+        if repair is None:
+            plans += 1
+            made = state.rank, state.made
+            if best is None or made[0][0] < best[0][0]:
+                in_vain.clear()
+            best = made if best is None or made[0] < best[0] else best
+            left = rows if plans < MOST_PLANS else ()
+            repair = next((r for r in left if in_vain[r.name] < r.price and r.serve(state)), None)
+            if repair is None:
+                return best[1], tried
+            in_vain[repair.name] += 1
+        tried[repair.name] += 1
+        state.renew()
+
+
+def tried_for(plan: Plan) -> Counter[str]:
+    """Return how often each repair was tried for a plan."""
+    return Counter(cast("dict[str, int]", plan.settings.get("tried", {})))
+
+
+def with_tried(plan: Plan, tried: Counter[str]) -> Plan:
+    """Return a plan with more repairs that were tried in its record."""
+    total = dict(tried_for(plan) + tried)
+    return replace(plan, settings={**plan.settings, "tried": total})
 
 
 def solve(checker: Checker, clock: Clock, *, partial: bool, goes_on: bool) -> Solved:
@@ -61,28 +116,19 @@ def solve(checker: Checker, clock: Clock, *, partial: bool, goes_on: bool) -> So
         partial: whether stretches that cannot be got to are left out.
         goes_on: whether motions that are not planned here follow.
     """
-    attempt = Attempt(checker, clock, partial=partial, goes_on=goes_on)
-    best, in_vain, plans, tried = None, Counter[str](), 0, Counter[str]()
-    while True:
-        repair = next((r for r in REPAIRS if not r.price and r.serve(attempt)), None)
-        if repair is None:
-            plans += 1
-            made = Solved(attempt.checker, attempt.choice, attempt.routed, {}, [])
-            if best is None or made.errors < best.errors:
-                best = made
-                in_vain.clear()
-            left = REPAIRS if plans < MOST_PLANS else ()
-            repair = next((r for r in left if in_vain[r.name] < r.price and r.serve(attempt)), None)
-            if repair is None:
-                break
-            in_vain[repair.name] += 1
-        if attempt.widen():
-            continue
-        tried[repair.name] += 1
-        attempt.renew()
-    best = replace(best, tried=dict(tried))
-    _add_hints(best.routed, plans - 1)
-    return _without_stuck(best, goes_on=goes_on) if partial else best
+    attempt = _Search(checker, clock, partial=partial, goes_on=goes_on)
+    made, tried = repaired(attempt, Level.SEARCH)
+    _add_hints(made.routed, sum(tried[r.name] for r in REPAIRS if r.price))
+    solved = Solved(made, tried, [])
+    return _without_stuck(solved, goes_on=goes_on) if partial else solved
+
+
+class _Search(Attempt):
+    @property
+    def rank(self) -> Rank:
+        routed = self.routed
+        found = (*self.choice.findings, *routed.findings)
+        return rank(found, float(routed.timed.duration.sum()))
 
 
 def _add_hints(routed: Route, times: int) -> None:
@@ -95,14 +141,15 @@ def _add_hints(routed: Route, times: int) -> None:
 
 def _without_stuck(solved: Solved, *, goes_on: bool) -> Solved:
     """Return a plan without the tags that cannot be got to or left, and why each is left out."""
-    routed, dropped = solved.routed, list[Finding]()
+    made, dropped = solved.made, list[Finding]()
+    routed = made.routed
     for turn in range(_DROPS):
         stuck = [finding for finding in routed.findings if finding.is_error]
         if not stuck:
             break
-        dropped += _leave_out(solved.checker, solved.choice.chosen, stuck, 2**turn)
-        routed = route(solved.checker, solved.choice.chosen, goes_on=goes_on)
-    return replace(solved, routed=routed, dropped=dropped)
+        dropped += _leave_out(made.checker, made.choice.chosen, stuck, 2**turn)
+        routed = route(made.checker, made.choice.chosen, goes_on=goes_on)
+    return replace(solved, made=made._replace(routed=routed), dropped=dropped)
 
 
 def _leave_out(

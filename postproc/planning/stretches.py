@@ -7,8 +7,9 @@ stands clear of everything.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -17,34 +18,26 @@ from postproc.cell import Cell
 from postproc.errors import CellError, SourceRef
 from postproc.kinematics import build
 from postproc.model import Plan, ToolPath
-from postproc.planning.checks import Checker
 from postproc.planning.external import travel_moves
+from postproc.planning.job import Job
+from postproc.planning.retracts import with_retracts
 from postproc.process import ToolStretch, switched_off
 from postproc.units import DEG
 
-PlanHere = Callable[[ToolPath, Cell], Plan]
-CheckerHere = Callable[[ToolPath, Cell], Checker]
 _FOLDED = (-90.0, 90.0, 0.0, 30.0, 0.0)
 """A2 to A6 of an arm that keeps close to itself [deg]."""
 _SIDES = (0.0, 90.0, -90.0, 45.0, -45.0, 135.0, -135.0)
 """A1 of it [deg], tried in turn."""
 
 
-def plan_stretches(
-    toolpath: ToolPath,
-    cell: Cell,
-    stretches: list[ToolStretch],
-    plan_here: PlanHere,
-    checker_here: CheckerHere,
-) -> Plan:
+def plan_stretches(job: Job, toolpath: ToolPath, cell: Cell, stretches: list[ToolStretch]) -> Plan:
     """Return the plan of a toolpath; stretches that the cell does not claim are left out.
 
     Args:
+        job: of the call.
         toolpath: points in the base of each tag.
         cell: all tools and bases.
         stretches: of one tool in one base, all tags in order.
-        plan_here: a stretch, and the cell at work with its tool, to a plan.
-        checker_here: the same to the checks.
 
     Raises:
         CellError: PLN210 if no posture to change tools in is found.
@@ -52,7 +45,7 @@ def plan_stretches(
     known = [stretch for stretch in stretches if stretch.is_claimed]
     if len(known) < 2 and len(stretches) < 2:
         tool, base = (known[0].tool, known[0].base) if known else (0, 0)
-        return _with_frames(plan_here(toolpath, cell.with_tool(tool, base)), tool, base)
+        return _with_frames(with_retracts(job, toolpath, cell.with_tool(tool, base)), tool, base)
     if len(known) > 1:
         cell = _with_home(cell, known)
     named = toolpath.named()
@@ -63,10 +56,10 @@ def plan_stretches(
         part = named.rows(np.arange(stretch.low, stretch.high))
         if _is_left(stretches, stretch):
             part = switched_off(part)
-        own = plan_here(part, here).within(toolpath, stretch.low)
+        own = with_retracts(job, part, here).within(toolpath, stretch.low)
         own = _with_frames(own, stretch.tool, stretch.base)
         if before is not None and len(own) and _has_travelled(before, own):
-            pieces.append(_travel(before, own, cell, part, checker_here))
+            pieces.append(_travel(job, before, own, cell, part))
         pieces.append(own)
         before = own if len(own) else before
     whole = Plan.concat(pieces)
@@ -90,15 +83,11 @@ def _has_travelled(before: Plan, after: Plan) -> bool:
     return not np.array_equal(before.external[-1], after.external[0])
 
 
-def _travel(
-    before: Plan, after: Plan, cell: Cell, part: ToolPath, checker_here: CheckerHere
-) -> Plan:
+def _travel(job: Job, before: Plan, after: Plan, cell: Cell, part: ToolPath) -> Plan:
     """Return the moves of the external axes between two stretches, with the tool of the first."""
     tool, base = int(before.tool_of_moves[-1]), int(before.base_of_moves[-1])
     here = cell.with_tool(tool, base)
-    return _with_frames(
-        travel_moves(here, before, after, lambda standing: checker_here(part, standing)), tool, base
-    )
+    return _with_frames(travel_moves(here, before, after, partial(job.checker, part)), tool, base)
 
 
 def _with_home(cell: Cell, stretches: list[ToolStretch]) -> Cell:

@@ -92,4 +92,4 @@ def make_path():
 @pytest.fixture
 def no_scene(monkeypatch):
     """Plan without collision checks."""
-    monkeypatch.setattr("postproc.planning.planner._scene", lambda problem: None)
+    monkeypatch.setattr("postproc.planning.job._scene", lambda problem: None)

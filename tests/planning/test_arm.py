@@ -13,7 +13,8 @@ from postproc.kinematics import build
 from postproc.model.toolpath import MotionKind
 from postproc.planning import repairs
 from postproc.planning.checks.feasible import Checker
-from postproc.planning.planner import plan, problem_of
+from postproc.planning.job import problem_of
+from postproc.planning.planner import plan
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.solve import solve
 from postproc.planning.states.settings import (
@@ -69,7 +70,7 @@ def changed(chosen, start):
 
 
 def solved(checker):
-    return solve(checker, Clock("place"), partial=False, goes_on=False).choice.chosen
+    return solve(checker, Clock("place"), partial=False, goes_on=False).made.choice.chosen
 
 
 @pytest.mark.parametrize("home", [None, [0.0, -90.0, 90.0, 0.0, 30.0, 0.0]])

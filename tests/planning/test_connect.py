@@ -10,7 +10,7 @@ import pytest
 from postproc.cell.cell import MeshPlacement
 from postproc.geometry.frames import transform
 from postproc.planning.checks.feasible import Checker
-from postproc.planning.planner import problem_of
+from postproc.planning.job import problem_of
 from postproc.planning.route import connect, tree
 from postproc.planning.route.connect import Ends, detours, free_way
 from postproc.planning.route.fold import folded_ways

@@ -3,7 +3,8 @@
 import numpy as np
 
 from postproc.cell import parse_cell
-from postproc.planning.planner import checker_of, plan
+from postproc.planning.job import checker_of
+from postproc.planning.planner import plan
 from postproc.planning.search.between import Interpolation
 from postproc.planning.search.cuts import judge
 from postproc.planning.search.failing import also_failing

@@ -9,7 +9,8 @@ import pytest
 
 from postproc.model.toolpath import Arcs, MotionKind
 from postproc.planning.checks import Reason
-from postproc.planning.planner import checker_of, plan
+from postproc.planning.job import checker_of
+from postproc.planning.planner import plan
 from postproc.planning.search.between import Interpolation
 from postproc.planning.states import settle
 from postproc.planning.states.settings import PlanOptions

@@ -10,7 +10,8 @@ import pytest
 from postproc.cell import parse_cell
 from postproc.geometry import twist_about
 from postproc.model import MotionKind
-from postproc.planning.planner import checker_of, plan
+from postproc.planning.job import checker_of
+from postproc.planning.planner import plan
 from postproc.planning.search.keytags import dense_key_tags
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.search.roll import main_spins

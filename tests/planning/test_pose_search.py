@@ -11,7 +11,7 @@ from postproc.cell.cell import MeshPlacement
 from postproc.collision.scene import Scene
 from postproc.model.toolpath import Cycle, MotionKind
 from postproc.planning.checks.feasible import Checker
-from postproc.planning.planner import problem_of
+from postproc.planning.job import problem_of
 from postproc.planning.search.pose_search import PoseSearch, _within, travel
 from postproc.planning.solve import solve
 from postproc.planning.states import TRAVEL_UNIT, evaluate
@@ -131,7 +131,7 @@ def test_poses_on_round_spins_are_free_and_cost_no_more(make_cell, make_path):
             cell = replace(checker.problem.cell, optimize=replace(optimize, refine=refine))
             problem = replace(checker.problem, cell=cell, settings=settings)
             here = replace(checker, problem=problem)
-            chosen[refine] = solve(here, Clock("place"), partial=False, goes_on=False).choice.chosen
+            chosen[refine] = solve(here, Clock("place"), partial=False, goes_on=False).made.choice.chosen
         good = np.nonzero(chosen[True].good)[0]
         assert np.array_equal(good, np.nonzero(chosen[False].good)[0])
         grid, moved = (chosen[refine].at(good) for refine in (False, True))

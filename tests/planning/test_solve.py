@@ -11,7 +11,8 @@ from postproc.kinematics import build
 from postproc.model import MotionKind, MoveKind
 from postproc.planning import attempt, solve
 from postproc.planning.checks import Reason, failure
-from postproc.planning.planner import checker_of, plan
+from postproc.planning.job import checker_of
+from postproc.planning.planner import plan
 from postproc.planning.route import Gap
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.search.rungs import Parted, beside
@@ -131,7 +132,7 @@ def test_what_no_poses_link_is_refused_after_a_few_tries(checker, monkeypatch, p
     missing = lambda turn, chosen: [(2, 3)] if chosen.good[3] else []  # noqa: E731
     seen = routed_as(monkeypatch, missing)
     solved = solve.solve(checker, Clock("place"), partial=partial, goes_on=False)
-    routed = solved.routed
+    routed = solved.made.routed
     assert 2 <= len(seen) <= 5
     assert solved.tried["poses on one side of a gap"] == len(seen) - 1 - partial
     stuck = solved.dropped if partial else routed.findings
@@ -145,15 +146,15 @@ def test_the_poses_with_the_fewest_gaps_count(checker, monkeypatch):
     seen = routed_as(monkeypatch, lambda turn, chosen: gaps.get(turn, [(1, 2), (3, 4)]))
     solved = solve.solve(checker, Clock("place"), partial=False, goes_on=False)
     assert len(seen) > 2
-    assert [finding.tag_index for finding in solved.routed.findings if finding.is_error] == [3]
-    assert np.array_equal(solved.choice.chosen.q, seen[1])
+    assert [finding.tag_index for finding in solved.made.routed.findings if finding.is_error] == [3]
+    assert np.array_equal(solved.made.choice.chosen.q, seen[1])
 
 
 def test_fewer_gaps_each_time_end_as_well(checker, monkeypatch):
     monkeypatch.setattr(PoseSearch, "part", lambda *_: True)
     few = lambda turn, chosen: [(0, 1)] * (30 - turn)  # noqa: E731
     seen = routed_as(monkeypatch, few)
-    routed = solve.solve(checker, Clock("place"), partial=False, goes_on=False).routed
+    routed = solve.solve(checker, Clock("place"), partial=False, goes_on=False).made.routed
     assert len(seen) == solve.MOST_PLANS
     assert len(routed.gaps) == 30 - len(seen)
 
@@ -235,6 +236,6 @@ def test_what_goes_with_a_cut_is_named(make_cell, make_path, monkeypatch, stuck,
     solved = solve.solve(checker, Clock("place"), partial=True, goes_on=False)
     told = [finding.tag_index for finding in solved.dropped]
     assert sorted(told) == sorted(named)
-    assert np.flatnonzero(~solved.choice.chosen.good).tolist() == sorted(named)
-    assert not solved.routed.findings or not any(one.is_error for one in solved.routed.findings)
+    assert np.flatnonzero(~solved.made.choice.chosen.good).tolist() == sorted(named)
+    assert not solved.made.routed.findings or not any(one.is_error for one in solved.routed.findings)
     assert all(f"tag {tag}" in one.message for tag, one in zip(told, solved.dropped, strict=True))

@@ -14,8 +14,9 @@ from postproc.kinematics import build
 from postproc.model.toolpath import Cycle, MotionKind
 from postproc.planning.checks import MORE_CLEARANCE
 from postproc.planning.checks.working import Grade, grade_counts, grades
+from postproc.planning.job import problem_of
 from postproc.planning.maps.spin_map import SpinClass, spin_map
-from postproc.planning.planner import plan, problem_of
+from postproc.planning.planner import plan
 from postproc.planning.states.settings import (
     PlanOptions,
     settle,

@@ -10,7 +10,7 @@ import pytest
 from postproc.model import MotionKind
 from postproc.planning import PlanOptions, settle
 from postproc.planning.checks import Checker, Reason
-from postproc.planning.planner import problem_of
+from postproc.planning.job import problem_of
 from postproc.planning.states import sample
 from postproc.units import DEG
 

@@ -14,7 +14,8 @@ from postproc.geometry.frames import angle_between
 from postproc.model.toolpath import Arcs, Cycle, MotionKind
 from postproc.planning import planner, repairs
 from postproc.planning.attempt import Attempt
-from postproc.planning.planner import checker_of, plan, problem_of
+from postproc.planning.job import checker_of, problem_of
+from postproc.planning.planner import plan
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.states.settings import (
     PlanOptions,

@@ -11,7 +11,8 @@ from postproc.cell.cell import Workpiece
 from postproc.ladder import NONE
 from postproc.model.toolpath import Arcs, MotionKind
 from postproc.planning.checks import Reason
-from postproc.planning.planner import checker_of, plan
+from postproc.planning.job import checker_of
+from postproc.planning.planner import plan
 from postproc.planning.search.between import Interpolation
 from postproc.planning.search.cuts import judge
 from postproc.planning.search.pose_search import PoseSearch

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from postproc.planning.checks.feasible import Checker, Lines, Reason, Verdict
-from postproc.planning.planner import problem_of
+from postproc.planning.job import problem_of
 from postproc.planning.states.settings import (
     PlanOptions,
     settle,

@@ -80,8 +80,6 @@ def _second(_: object, value: T, *__: object, **___: object) -> T:
 
 
 OFF: dict[str, tuple[Switch, ...]] = {
-    "presets and orders": (("postproc.planning.planner", "_ways_to_plan", lambda cell: [cell]),),
-    "retracts": (("postproc.planning.planner", "with_retracts", lambda p, c, make: make(p)),),
     "has none": (("postproc.planning.repairs", "_has_none", _no),),
     "carried": (
         ("postproc.planning.external.planner", "carried_where_better", lambda p, runs, m: runs),

@@ -31,7 +31,8 @@ from postproc.geometry import orthonormalised
 from postproc.jobs.convert import ConvertRequest, convert, document
 from postproc.model import MotionKind, ToolPath
 from postproc.planning.checks import Checker
-from postproc.planning.planner import checker_of, plan
+from postproc.planning.job import checker_of
+from postproc.planning.planner import plan
 from postproc.planning.search.between import Interpolation
 from postproc.planning.search.cuts import Spans, judge
 from postproc.planning.search.keytags import dense_key_tags

@@ -25,7 +25,7 @@ from postproc.model import Plan, ToolPath
 from postproc.planning import PlanOptions, grade_counts
 from postproc.planning.checks.working import NEAR, NEAR_BY
 from postproc.planning.external.rating import position_grid
-from postproc.planning.planner import checker_of
+from postproc.planning.job import checker_of
 from postproc.planning.states import sample, settle
 from postproc.planning.states.costs import MARGIN_OF
 from postproc.process import claimed

@@ -11,8 +11,9 @@ Their plans are joined as one, with the moves of the external axes between them.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
+from functools import cached_property, partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,60 +27,81 @@ from postproc.paths import joint_times
 from postproc.planning.checks import Reason, given_up
 from postproc.planning.external.carried import carried_where_better
 from postproc.planning.external.positions import Positions, Run, run_of
-from postproc.planning.external.rating import UNREACHED, CheckerAt, Rating, rated
+from postproc.planning.external.rating import UNREACHED, Rating, rated
+from postproc.planning.job import Job
+from postproc.planning.repairs import Level
 from postproc.planning.route import MakeChecker, Travel, cell_at, travel_between
-from postproc.planning.states import Settings
+from postproc.planning.solve import Rank, rank, repaired, tried_for, with_tried
 from postproc.timing import SPEED_UP_TIME, joint_move_time
 from postproc.units import DEG, MM
 
-_ROUNDS = 12
-PlanHere = Callable[[ToolPath, Cell, bool, FloatArray | None], Plan]
 
-
-def plan_with_external_axes(
-    toolpath: ToolPath,
-    cell: Cell,
-    settings: Settings,
-    checker_at: CheckerAt,
-    make_checker: MakeChecker,
-    plan_here: PlanHere,
-) -> Plan:
+def plan_with_external_axes(job: Job, toolpath: ToolPath, cell: Cell) -> Plan:
     """Return the plan of a toolpath in a cell with external axes.
 
     Args:
+        job: of the call.
         toolpath: what was read.
         cell: with at least one external axis.
-        settings: of the plan.
-        checker_at: where the axes stand at each tag (n, k) to the checks in the whole cell.
-        make_checker: cell without external axes to the checks of the whole toolpath in it.
-        plan_here: part of the toolpath, a cell without external axes, whether the job goes on
-            behind the part, and None, to a plan; or the whole cell, and where its axes stand at
-            each tag of the part.
     """
-    rating = rated(toolpath, cell, settings, checker_at)
-    reach = rating.loss < UNREACHED
-    places = Positions(rating)
-    done: dict[tuple[int, int, bytes], Plan] = {}
-
-    def planned(run: Run) -> Plan:
-        key = (run.low, run.high, run.external.tobytes())
-        if key not in done:
-            part = toolpath.rows(np.arange(run.low, run.high))
-            here = cell if run.moves else cell_at(cell, run.external[0])
-            external = run.external if run.moves else None
-            done[key] = plan_here(part, here, run.high < len(toolpath), external)
-        return done[key]
-
-    for _ in range(_ROUNDS):
-        runs, again = places.runs(), False
-        for run in runs:
-            again |= places.blame(run, planned(run))
-        if not again:
-            break
-    runs = carried_where_better(places, runs, planned)
-    plans = [planned(run) for run in runs]
-    result = joined(toolpath, cell, runs, plans, make_checker)
+    stands = _Stands(job, toolpath, cell)
+    reach = stands.places.rating.loss < UNREACHED
+    made, tried = repaired(stands, Level.PLACES)
+    places = stands.places
+    places.calm, places.carried = made.calm, made.carried
+    runs = carried_where_better(places, made.runs, stands.planned)
+    plans = [stands.planned(run) for run in runs]
+    result = joined(toolpath, cell, runs, plans, partial(job.checker, toolpath))
+    result = with_tried(result, sum(map(tried_for, plans[1:]), tried))
     return replace(result, findings=_findings_of(result, places, runs, reach))
+
+
+class _Made(NamedTuple):
+    """The runs of tags between moves of the axes, and which units move, by ``Positions``."""
+
+    runs: list[Run]
+    calm: dict[int, float]
+    carried: dict[int, FloatArray]
+
+
+class _Stands:
+    """Where the axes stand for each tag of a toolpath, and the plans of the arm there."""
+
+    def __init__(self, job: Job, toolpath: ToolPath, cell: Cell) -> None:
+        self._job, self._path, self._cell = job, toolpath, cell
+        checker_at = partial(job.checker, toolpath, cell)
+        self.places = Positions(rated(toolpath, cell, job.settings, checker_at))
+        self._done: dict[tuple[int, int, bytes], Plan] = {}
+
+    def planned(self, run: Run) -> Plan:
+        """Return the plan of a run, a job of its own."""
+        key = (run.low, run.high, run.external.tobytes())
+        if key not in self._done:
+            part = self._path.rows(np.arange(run.low, run.high))
+            here = self._cell if run.moves else cell_at(self._cell, run.external[0])
+            external, goes_on = run.external if run.moves else None, run.high < len(self._path)
+            self._done[key] = self._job.planned(part, here, external, goes_on=goes_on)
+        return self._done[key]
+
+    def renew(self) -> None:
+        """Forget the runs."""
+        self.__dict__.pop("made", None)
+
+    @cached_property
+    def made(self) -> _Made:
+        """The runs at least total cost."""
+        return _Made(self.places.runs(), dict(self.places.calm), dict(self.places.carried))
+
+    @property
+    def rank(self) -> Rank:
+        """The rank of their plans together."""
+        plans = [self.planned(run) for run in self.made.runs]
+        found = (finding for one in plans for finding in one.findings)
+        return rank(found, sum(one.cycle_time for one in plans))
+
+    def change(self) -> bool:
+        """Close places to what failed there; return whether there is another way."""
+        return any([self.places.blame(run, self.planned(run)) for run in self.made.runs])
 
 
 def _findings_of(

@@ -12,8 +12,8 @@ from postproc.cell import Cell
 from postproc.collision import Scene
 from postproc.errors import Finding, Severity
 from postproc.model import MotionKind, Plan
+from postproc.planning.job import problem_of
 from postproc.planning.maps.tags import at_places
-from postproc.planning.planner import problem_of
 from postproc.planning.states import PlanOptions, Problem, postures, settle, spin_values
 from postproc.records import dataclass
 from postproc.units import DEG, MM

@@ -12,9 +12,9 @@ from postproc.collision import Scene
 from postproc.errors import Finding
 from postproc.model import MotionKind, Plan
 from postproc.planning.checks import Grade, grades, moves_of_tags, near_solids
+from postproc.planning.job import problem_of
 from postproc.planning.maps.failing_poses import FailingPose, failing_poses
 from postproc.planning.maps.tags import at_places
-from postproc.planning.planner import problem_of
 from postproc.planning.states import PlanOptions, Problem, evaluate, postures, settle, spin_values
 from postproc.process import claimed
 from postproc.records import dataclass

@@ -21,7 +21,7 @@ from postproc.errors import CellError, SourceRef
 from postproc.kinematics import is_coaxial_with_axis_6
 from postproc.model import ToolPath
 from postproc.planning.checks import MORE_CLEARANCE, Checker
-from postproc.planning.planner import problem_of
+from postproc.planning.job import problem_of
 from postproc.planning.search import key_tags
 from postproc.planning.states import (
     PlanOptions,

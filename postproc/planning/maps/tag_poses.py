@@ -16,9 +16,9 @@ from postproc.cell import Cell
 from postproc.kinematics import wrist_distance
 from postproc.model import Plan
 from postproc.planning.checks import Checker, Reason, moves_of_tags, near_solids
+from postproc.planning.job import checker_of
 from postproc.planning.maps.spin_map import CLASS_OF, SpinClass
 from postproc.planning.maps.tags import axes_of
-from postproc.planning.planner import checker_of
 from postproc.planning.states import (
     UPRIGHT,
     PlanOptions,
