@@ -131,7 +131,8 @@ def test_poses_on_round_spins_are_free_and_cost_no_more(make_cell, make_path):
             cell = replace(checker.problem.cell, optimize=replace(optimize, refine=refine))
             problem = replace(checker.problem, cell=cell, settings=settings)
             here = replace(checker, problem=problem)
-            chosen[refine] = solve(here, Clock("place"), partial=False, goes_on=False).made.choice.chosen
+            solved = solve(here, Clock("place"), partial=False, goes_on=False)
+            chosen[refine] = solved.made.choice.chosen
         good = np.nonzero(chosen[True].good)[0]
         assert np.array_equal(good, np.nonzero(chosen[False].good)[0])
         grid, moved = (chosen[refine].at(good) for refine in (False, True))
