@@ -77,7 +77,7 @@ def test_a_room_says_what_it_is_for(room):
 SLOW = {
     # packages that take a tenth of a second and more to load, or are optional
     *("scipy", "pinocchio", "coal", "trimesh", "ruckig", "xacro", "xacrodoc", "jinja2", "PIL"),
-    *("numpy", "distributed", "pebble"),
+    *("numpy", "distributed"),
     # rooms that load them, for those who need them in some calls only
     *("postproc.collision", "postproc.compensation", "postproc.comparison", "postproc.report"),
     *("postproc.gap", "postproc.jobs", "postproc.planning", "postproc.kinematics"),

@@ -125,8 +125,6 @@ def batch(
 ) -> BatchOutcome:
     """Convert many inputs into a folder; a second call redoes only what changed or failed.
 
-    A script that runs workers begins with ``if __name__ == "__main__":``.
-
     Args:
         inputs: files, folders, globs, ``@LIST``.
         cell: cell file; None where ``config`` names it.

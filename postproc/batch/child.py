@@ -1,18 +1,20 @@
-"""A process for one job after the other that can be ended: what a cluster worker starts.
+"""A process for one job after the other that can be ended: what a worker is.
 
-A worker of a cluster cannot end a function that hangs, and dies with one that crashes. So jobs run
-in a child of it, which is started anew when it had to be ended or has died.
+A thread cannot end a function that hangs, and dies with one that crashes. So jobs run in a child
+process, which is started anew when it had to be ended or has died. It knows nothing of the script
+that asks: a script without ``if __name__ == "__main__":`` runs once.
 """
 
 from __future__ import annotations
 
 import os
+import pickle
+import signal
 import socket
 import subprocess
 import sys
 import threading
-from multiprocessing import Pipe
-from multiprocessing.connection import Connection
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from postproc.batch.worker import JobResult, died, limit_memory, run_job, too_slow
@@ -22,12 +24,15 @@ if TYPE_CHECKING:
     from postproc.batch.jobs import Job
 
 _OF_THREAD = threading.local()
+_ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+
+_MAIN = "from postproc.batch.child import main; main()"
 
 
 def run_in_child(
     job: Job, timeout: float | None, memory: float | None, version: str, folder: str
 ) -> JobResult:
-    """Run a job in this thread's child process.
+    """Run a job in this thread's child process: what a worker of a cluster does.
 
     Args:
         job: what to do.
@@ -43,13 +48,13 @@ def run_in_child(
         line = f"{job.request.source}:1: error BAT034: the worker {socket.gethostname()} has no"
         return JobResult(job.key, "crash", errors=(f"{line} folder {folder}",))
     child: Child | None = getattr(_OF_THREAD, "child", None)
-    if child is None or child.made_for != (memory, folder) or not child.is_alive():
+    if child is None or child.made_for != (memory, folder):
         child = _OF_THREAD.child = Child(memory, folder)
     return child.run(job, timeout)
 
 
 class Child:
-    """The parent's end of one child process.
+    """The parent's end of one child process, which is started with the first job.
 
     Args:
         memory: GiB of address space, None = no limit.
@@ -58,52 +63,78 @@ class Child:
 
     def __init__(self, memory: float | None, folder: str | None = None) -> None:
         self.made_for = (memory, folder)
-        self._pipe, theirs = Pipe()
-        command = [sys.executable, "-m", "postproc.batch.child", str(theirs.fileno())]
-        threads = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
-        self._process = subprocess.Popen(
-            [*command, *([str(memory)] if memory else [])],
-            pass_fds=[theirs.fileno()],
-            stdin=subprocess.DEVNULL,
-            cwd=folder,
-            env={**os.environ, **threads},
-        )
-        theirs.close()
-
-    def is_alive(self) -> bool:
-        """Return whether it can take a job."""
-        return self._process.poll() is None
+        self._process: subprocess.Popen[bytes] | None = None
+        self._closed = False
 
     def run(self, job: Job, timeout: float | None) -> JobResult:
         """Return the result of a job; the child is gone after one that is too slow or crashes."""
-        try:
-            self._pipe.send(job)
-            if not self._pipe.poll(timeout):
-                self.end()
-                return too_slow(job, timeout)
-            result: JobResult = self._pipe.recv()
-        except (EOFError, OSError):
-            self.end()
+        if self._closed:
             return died(job)
+        if self._process is None or self._process.poll() is not None:
+            self.end()
+            self._process = self._started()
+        late = threading.Event()
+        timer = threading.Timer(timeout or 0.0, self._stop, (late,))
+        if timeout is not None:
+            timer.start()
+        try:
+            result = _answer(self._process, job)
+        except (EOFError, OSError, pickle.UnpicklingError):
+            self.end()
+            return too_slow(job, timeout) if late.is_set() else died(job)
+        finally:
+            timer.cancel()
         return result
 
     def end(self) -> None:
-        """End the process at once."""
-        self._process.kill()
-        self._process.wait()
-        self._pipe.close()
+        """End the process at once; the next job gets a new one."""
+        if self._process is not None:
+            self._process.kill()
+            with suppress(OSError):
+                self._process.communicate()
+            self._process = None
+
+    def close(self) -> None:
+        """Take no more jobs, from whatever thread; the one under way has died."""
+        self._closed = True
+        if (process := self._process) is not None:
+            process.kill()
+
+    def _stop(self, late: threading.Event) -> None:
+        late.set()
+        if (process := self._process) is not None:
+            process.kill()
+
+    def _started(self) -> subprocess.Popen[bytes]:
+        memory, folder = self.made_for
+        command = [sys.executable, "-P", "-c", _MAIN]
+        # what this process can import the child can, and nothing else
+        places = os.pathsep.join(place or os.getcwd() for place in sys.path)  # noqa: PTH109
+        return subprocess.Popen(
+            [*command, *([str(memory)] if memory else [])],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            cwd=folder,
+            env={**os.environ, **_ONE_THREAD, "PYTHONPATH": places},
+        )
+
+
+def _answer(process: subprocess.Popen[bytes], job: Job) -> JobResult:
+    if process.stdin is None or process.stdout is None:
+        raise EOFError
+    pickle.dump((run_job, job), process.stdin)
+    process.stdin.flush()
+    result: JobResult = pickle.load(process.stdout)
+    return result
 
 
 def main() -> None:
     """Take jobs from the parent until it is gone."""
-    pipe: Connection[JobResult, Job] = Connection(int(sys.argv[1]))
-    limit_memory(float(sys.argv[2]) if len(sys.argv) > 2 else None)
-    while True:
-        try:
-            pipe.send(run_job(pipe.recv()))
-        except (EOFError, OSError):
-            return
-
-
-if __name__ == "__main__":
-    main()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends this process
+    with os.fdopen(os.dup(1), "wb") as answers, suppress(EOFError, OSError):
+        os.dup2(2, 1)  # what a plug-in prints is no answer
+        limit_memory(float(sys.argv[1]) if len(sys.argv) > 1 else None)
+        while True:
+            call, job = pickle.load(sys.stdin.buffer)
+            pickle.dump(call(job), answers)
+            answers.flush()

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import multiprocessing
+import itertools
 import os
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any
 
-from postproc.batch.child import run_in_child
-from postproc.batch.worker import JobResult, died, limit_memory, run_job, too_slow
+from postproc.batch.child import Child, run_in_child
+from postproc.batch.worker import JobResult, died
 from postproc.errors import DataError, PluginError, SourceRef
 from postproc.version import __version__
 
@@ -43,37 +44,38 @@ def run_local(
     Yields:
         Results in the order in which they finish.
     """
-    from pebble import ProcessPool
+    folder = os.getcwd()  # noqa: PTH109 - as text
+    children = [Child(memory, folder) for _ in range(min(workers, len(jobs)))]
+    free: SimpleQueue[Child] = SimpleQueue()
+    for child in children:
+        free.put(child)
 
-    context = multiprocessing.get_context("spawn")
-    with ProcessPool(
-        max_workers=min(workers, len(jobs)),
-        context=context,
-        initializer=limit_memory,
-        initargs=(memory,),
-    ) as pool:
-        waiting: dict[Future[JobResult], Job] = {}
-        queue = iter(jobs)
+    def work(job: Job) -> JobResult:
+        child = free.get()
         try:
-            while True:
-                while len(waiting) < _AHEAD * workers and (job := next(queue, None)) is not None:
-                    waiting[pool.schedule(run_job, args=[job], timeout=timeout)] = job
-                if not waiting:
-                    return
-                for future in wait(waiting, return_when=FIRST_COMPLETED).done:
-                    yield _outcome(future, waiting.pop(future), timeout)
-        except BaseException:
-            pool.stop()  # type: ignore[no-untyped-call]
-            raise
+            return child.run(job, timeout)
+        finally:
+            free.put(child)
 
-
-def _outcome(future: Future[JobResult], job: Job, timeout: float | None) -> JobResult:
+    pool = ThreadPoolExecutor(len(children))
+    waiting: set[Future[JobResult]] = set()
+    queue = iter(jobs)
     try:
-        return future.result()
-    except TimeoutError:
-        return too_slow(job, timeout)
-    except Exception:  # noqa: BLE001 - whatever it is, it is this job's and no other's
-        return died(job)
+        while True:
+            wanted = _AHEAD * len(children) - len(waiting)
+            waiting |= {pool.submit(work, job) for job in itertools.islice(queue, wanted)}
+            if not waiting:
+                return
+            done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+            for future in done:
+                yield future.result()
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+        for child in children:
+            child.close()
+        pool.shutdown()
+        for child in children:
+            child.end()
 
 
 def run_dask(

@@ -11,13 +11,14 @@ import pytest
 
 from postproc.batch import child as child_module
 from postproc.batch import executors
-from postproc.batch.child import Child, run_in_child
+from postproc.batch.child import run_in_child
 from postproc.batch.jobs import Job
 from postproc.batch.worker import JobResult, attempt, run_job
 from postproc.cli.common import Session
 from postproc.cli.ticker import EVERY, Lines, speed, ticker
 from postproc.errors import DataError
 from postproc.jobs.convert import ConvertRequest
+from tests.places import FIXTURES
 
 
 def misbehave(job):
@@ -40,27 +41,16 @@ def _job(name):
 
 
 def test_hanging_dying_and_hungry_jobs(monkeypatch):
-    monkeypatch.setattr(executors, "run_job", misbehave)
+    monkeypatch.setattr(child_module, "run_job", misbehave)
     jobs = [_job(name) for name in ("a", "hang", "b", "die", "c", "eat", "d")]
-    results = {r.key: r for r in executors.run_local(jobs, 2, timeout=3.0, memory=4.0)}
+    results = {r.key: r for r in executors.run_local(jobs, 2, timeout=8.0, memory=4.0)}
     assert {k: r.status for k, r in results.items()} == {
         "a": "ok", "b": "ok", "c": "ok", "d": "ok",
         "hang": "timeout", "die": "crash", "eat": "memory",
     }  # fmt: skip
-    assert results["hang"].errors == ("hang.csv:1: error BAT021: not done after 3 s",)
+    assert results["hang"].errors == ("hang.csv:1: error BAT021: not done after 8 s",)
     assert results["die"].errors[0].startswith("die.csv:1: error BAT022")
     assert results["eat"].errors[0].startswith("eat.csv:1: error BAT020")
-
-
-def test_a_child_that_hangs_is_ended_and_one_that_died_is_no_loss():
-    child = Child(None)
-    child._process.send_signal(19)  # stopped: it will never answer
-    assert child.run(_job("a"), 0.2).status == "timeout"
-    assert not child.is_alive()
-    child = Child(None)
-    child._process.kill()
-    assert child.run(_job("a"), 20.0).status == "crash"
-    assert not child.is_alive()
 
 
 def test_a_child_is_used_again_and_replaced_when_it_is_gone(tmp_path):
@@ -69,11 +59,30 @@ def test_a_child_is_used_again_and_replaced_when_it_is_gone(tmp_path):
     assert first.status == "error"
     assert "IO001" in first.errors[0]
     child = child_module._OF_THREAD.child
+    process = child._process
     assert run_in_child(*call) == first
-    assert child_module._OF_THREAD.child is child
+    assert child._process is process
+    process.send_signal(19)  # stopped: it will never answer
+    assert child.run(_job("a"), 0.2).status == "timeout"
+    assert run_in_child(*call) == first
+    child.close()
+    assert child.run(_job("a"), None).status == "crash"
     child.end()
-    assert run_in_child(*call) == first
-    child_module._OF_THREAD.child.end()
+
+
+def test_a_script_without_a_main_guard_runs_once(tmp_path):
+    (tmp_path / "few.csv").write_text("x,y,z,i,j,k\n0,0,0,0,0,1\n", encoding="utf-8")
+    script = (
+        "import postproc as pp\nprint('once')\n"
+        f"done = pp.batch('few.csv', {str(FIXTURES / 'drilling_panel' / 'cell.toml')!r}, 'made')\n"
+        "print(len(done.done), done.bad)\n"
+    )
+    (tmp_path / "script.py").write_text(script, encoding="utf-8")
+    call = [sys.executable, "script.py"]
+    ran = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (ran.stdout.splitlines()[0], ran.returncode) == ("once", 0), ran.stderr
+    assert ran.stdout.count("once") == 1
+    assert "BAT022" not in ran.stdout
 
 
 def test_a_cluster_with_another_version_makes_nothing():
