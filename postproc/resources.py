@@ -4,9 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
+_PACKAGE = Path(__file__).resolve().parent
+
 
 def templates_folder() -> Path:
     """Return the folder of the built-in templates: inside the wheel, else the checkout's."""
-    package = Path(__file__).resolve().parent
-    installed = package / "_templates"
-    return installed if installed.is_dir() else package.parent / "templates"
+    installed = _PACKAGE / "_templates"
+    return installed if installed.is_dir() else _PACKAGE.parent / "templates"
+
+
+def glossary_file() -> Path:
+    """Return the glossary of the documentation: inside the wheel, else the checkout's."""
+    installed = _PACKAGE / "_glossary.md"
+    return installed if installed.exists() else _PACKAGE.parent / "docs" / "glossary.md"

@@ -108,7 +108,7 @@ def find_robot(name: str, source: SourceRef | None = None) -> str:
         several.sort(key=lambda known: _row(known)["trust"])
         some = ", ".join(several[:_SHOWN])
         more = f" and {len(several) - _SHOWN} more" if len(several) > _SHOWN else ""
-        text = f"{name!r} begins the names of {len(several)} robots, expected one: {some}{more}"
+        text = f"{name!r} may be any of {len(several)} robots, name one: {some}{more}"
         hint = lists
     elif normal(name).startswith("kr"):
         near = nearest(name, robot_names())
@@ -300,9 +300,10 @@ def _origin(key: str, trust: str) -> Origin:
 
 
 def normal(name: str) -> str:
-    """Return a name without case, signs, blanks and the words of series."""
+    """Return a name without case, signs, blanks and the words of series; ``210`` is ``kr210``."""
     plain = re.sub(r"[_\s]+", " ", name.lower())
-    return re.sub(r"[^a-z0-9]", "", re.sub(rf"\b({'|'.join(sorted(_FILLING))})\b", "", plain))
+    plain = re.sub(r"[^a-z0-9]", "", re.sub(rf"\b({'|'.join(sorted(_FILLING))})\b", "", plain))
+    return f"kr{plain}" if plain[:1].isdigit() else plain
 
 
 def series_of(name: str) -> tuple[int, int] | None:

@@ -18,7 +18,7 @@ from postproc.cell import Reading
 from postproc.errors import Finding, PluginError, ReadError, Severity, SourceRef, UsageError
 from postproc.files import open_input, spooled
 from postproc.model import ToolPath
-from postproc.readers.text import check_text
+from postproc.readers.text import AS_CSV, check_text
 from postproc.records import dataclass
 from postproc.registry import Registry
 from postproc.units import MM, SINGLE
@@ -226,6 +226,9 @@ _FOREIGN = (
 """How files begin that people take for a toolpath: what each is, and what to do with it."""
 
 
+_SHEETS = (".xlsx", ".xlsm", ".xls", ".ods")
+
+
 def _unknown(path: str, head: bytes) -> ReadError:
     """Return the error of a file that no reader takes."""
     known = ", ".join(name for name, _ in READERS)
@@ -234,6 +237,9 @@ def _unknown(path: str, head: bytes) -> ReadError:
             return ReadError("IO010", f"{what}, expected {known}", SourceRef(path), hint)
     text, hint = f"this is none of the formats {known}", _POST
     ending = Path(path).suffix.lower()
+    if ending in _SHEETS:
+        text = f"a damaged spreadsheet or another file named {ending}, expected {known}"
+        hint = f"open it {AS_CSV}"
     for name, reader in READERS:
         if ending in getattr(reader, "suffixes", ()):
             text = f"named {ending} as {name} is, but nothing in it looks like {name}"

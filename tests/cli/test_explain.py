@@ -53,7 +53,7 @@ def test_json_has_the_same_texts(capsys):
 def test_an_unknown_code_names_the_nearest(name, expected, capsys):
     code, out, err = run(["explain", name, "--json"], capsys)
     assert (code, json.loads(out)["schema"]) == (2, "postproc.error/1")
-    assert err.startswith(f"postproc:1: error CLI014: no finding has the code {name!r}")
+    assert err.startswith(f"postproc:1: error CLI014: no finding or word is called {name!r}")
     assert expected in err
 
 

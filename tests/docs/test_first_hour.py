@@ -26,18 +26,23 @@ FILES = {
     "part.mpf": "%_N_TEST_MPF\nG54\nCYCLE81(10,0,2,-5)\nM30\n",
     "tool.nc": "%\nO1\nG21 G90\nG0 X0. Y0. Z5.\nG41 D1\nG1 X5. F100.\nM30\n%\n",
     "part.stp": "ISO-10303-21;\nHEADER;\n",
+    "torn.xlsx": "PK\3\4 torn",
+    "text.xls": "not a sheet",
     "prog.src": "DEF prog( )\nEND\n",
 }
 TABLE = [
     # call, exit code, words that the answer has
     ((*NEW, "KR QUANTEC"), 2, ("series of KUKA", "90-300 kg", "postproc robots --payload 90")),
     ((*NEW, "IRB 6700"), 2, ("'IRB 6700'", "arms of KUKA", "--urdf FILE")),
+    ((*NEW, "quantec 210"), 2, ("kuka_kr210_r2700_2", "more")),
     ((*NEW, "kr210"), 2, ("kuka_kr210_r2700_2", "more", "postproc robots")),
     ((*NEW, "KR 211 R2700"), 2, ("nearest is 'kuka_kr", "postproc robots")),
     ((*CONVERT, "--emitter", "fanuc"), 2, ("'fanuc'", "expected kuka_krl", "plug-in")),
     ((*CONVERT, "--format", "step"), 2, ("'step'", "expected apt", "gcode", "plug-in")),
     ((*CONVERT, "--strateg", "each"), 2, ("--strateg", "--strategy")),
     (("inspect", "book.xlsx"), 2, ("Excel", "Save As", "CSV")),
+    (("inspect", "torn.xlsx"), 2, ("Excel", "Save As", "CSV")),
+    (("inspect", "text.xls"), 2, ("damaged spreadsheet", "Save As", "CSV")),
     (("inspect", "part.h"), 2, ("Heidenhain", "G-code")),
     (("inspect", "part.mpf"), 2, ("Sinumerik", "G-code")),
     (("inspect", "part.stp"), 2, ("STEP", "[workpiece]")),
@@ -87,13 +92,19 @@ def test_every_answer_names_what_where_and_what_next(hour, capsys, monkeypatch):
     assert wrong == []
 
 
-def test_what_verify_measures_and_every_code_is_explained(hour, capsys, monkeypatch):
+def test_every_word_in_front_of_a_figure_and_every_code_is_explained(hour, capsys, monkeypatch):
     monkeypatch.chdir(hour)
-    run([*CONVERT])
-    run(["verify", "out/few.src", "--cell", CELL, "--against", "few.csv"])
+    for call in (
+        ("inspect", "few.csv"),
+        ("check", CELL),
+        (*CONVERT, "--keep", "out", "--report", "p.html"),
+        ("verify", "out/few.src", "--cell", CELL, "--against", "few.csv"),
+    ):
+        run(list(call))
     out, err = capsys.readouterr()
-    rows = out.split("measure")[1].split("CAM points")[0].splitlines()[1:]
-    names = [row.split()[0] for row in rows]
-    names += re.findall(r"(?:error|warning|note) ([\w-]+):", err)
-    assert len(names) >= 9
-    assert [name for name in names if run(["explain", name])] == []
+    words = set(re.findall(r"^([a-z]\w*(?: \w+)*)(?:  +|$)", out, re.M | re.I))
+    words |= set(re.findall(r"(?:error|warning|note) ([\w-]+):", out + err))
+    words |= {"worst", "allowed", "good", "acceptable", "critical", "invalid", "clearance"}
+    words |= {"explained", "no_gap", "unexplained", "undetermined", "noise"}
+    assert len(words) >= 40
+    assert [word for word in sorted(words) if run(["explain", word])] == []

@@ -28,7 +28,8 @@ _WIDTH = 88
 def command(session: Session, /, code: str | None) -> int:
     """Say what a finding CODE means and what to do about it; without CODE list all codes.
 
-    CODE may also be a kind of violation or a measure of verify, or an effect of a diagnosis.
+    CODE may also be a measure or violation of verify, an effect of a diagnosis, or any word that a
+    command prints in front of its figures.
     """
     if code is None:
         listed = [entry for group in groups() for entry in group.entries]
@@ -44,9 +45,10 @@ def command(session: Session, /, code: str | None) -> int:
 
 def _page(entry: Entry) -> str:
     kind = f" ({entry.severity})" if entry.severity else ""
-    parts = [f"{entry.code}{kind}: {entry.title}"]
+    parts = [textwrap.fill(f"{entry.code}{kind}: {entry.title}", _WIDTH)]
     for head, text in (("Cause", entry.cause), ("Remedy", entry.remedy)):
-        parts.append(textwrap.fill(f"{head}: {text}", _WIDTH, subsequent_indent="  "))
+        if text:
+            parts.append(textwrap.fill(f"{head}: {text}", _WIDTH, subsequent_indent="  "))
     return "\n\n".join(parts)
 
 

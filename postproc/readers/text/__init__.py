@@ -1,6 +1,7 @@
 """Text input at speed: blocks, numbers, spans, collected faults."""
 
 from postproc.readers.text.blocks import (
+    AS_CSV,
     TextBlock,
     check_line_length,
     check_text,

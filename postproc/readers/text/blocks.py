@@ -73,23 +73,28 @@ def check_line_length(path: str, length: int, line: int) -> None:
         )
 
 
-_AS_CSV = "in Excel or LibreOffice: Save As, type CSV (UTF-8)"
+AS_CSV = "in Excel or LibreOffice: Save As, type CSV (UTF-8)"
+
+
+_ZIP, _OLE = b"PK\3\4", b"\xd0\xcf\x11\xe0"
+"""How packed files and files of old Office programs begin."""
 
 
 def check_text(path: str, data: bytes, first_line: int) -> None:
     """Raise ReadError IO012 if ``data``, which begins at ``first_line``, is no text."""
     at = data.find(b"\0")
-    if at < 0:
+    packed = first_line == 1 and data[:4] in (_ZIP, _OLE)
+    if at < 0 and not packed:
         return
-    line = first_line + data.count(b"\n", 0, at)
+    line = first_line + data.count(b"\n", 0, max(at, 0))
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         message = "UTF-16 text, expected ASCII, Latin-1 or UTF-8; save the file in one of these"
-    elif data[:4] == b"PK\3\4" and b"vnd.oasis" in data[:200]:
-        message = f"a LibreOffice sheet (.ods), expected text; {_AS_CSV}"
-    elif data[:4] == b"PK\3\4":
-        message = f"an Excel workbook (.xlsx) or ZIP archive, expected text; {_AS_CSV}"
-    elif data[:8] == b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1":
-        message = f"an Excel workbook of old (.xls) or Office file, expected text; {_AS_CSV}"
-    else:
+    elif not packed:
         message = "NUL byte, so this is a binary or damaged file; expected text"
+    elif data[:4] == _OLE:
+        message = f"an old Excel workbook (.xls) or another Office file, expected text; {AS_CSV}"
+    elif b"vnd.oasis" in data[:200]:
+        message = f"a LibreOffice sheet (.ods), expected text; {AS_CSV}"
+    else:
+        message = f"an Excel workbook (.xlsx) or ZIP archive, expected text; {AS_CSV}"
     raise ReadError("IO012", message, SourceRef(path, line))
