@@ -72,7 +72,7 @@ class Child:
             return died(job)
         if self._process is None or self._process.poll() is not None:
             self.end()
-            self._process = self._started()
+            self._process = _ready(self._started())
         late = threading.Event()
         timer = threading.Timer(timeout or 0.0, self._stop, (late,))
         if timeout is not None:
@@ -119,6 +119,13 @@ class Child:
         )
 
 
+def _ready(process: subprocess.Popen[bytes]) -> subprocess.Popen[bytes]:
+    """Return a child that can take jobs: the time of a job is not that of its start."""
+    if process.stdout is not None:
+        process.stdout.read(1)
+    return process
+
+
 def _answer(process: subprocess.Popen[bytes], job: Job) -> JobResult:
     if process.stdin is None or process.stdout is None:
         raise EOFError
@@ -133,6 +140,8 @@ def main() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends this process
     with os.fdopen(os.dup(1), "wb") as answers, suppress(EOFError, OSError):
         os.dup2(2, 1)  # what a plug-in prints is no answer
+        answers.write(b"\n")
+        answers.flush()
         limit_memory(float(sys.argv[1]) if len(sys.argv) > 1 else None)
         while True:
             call, job = pickle.load(sys.stdin.buffer)

@@ -1,7 +1,6 @@
 """Workers that hang, die or need too much memory cost only their own job."""
 
 import io
-import os
 import socket
 import subprocess
 import sys
@@ -13,27 +12,13 @@ from postproc.batch import child as child_module
 from postproc.batch import executors
 from postproc.batch.child import run_in_child
 from postproc.batch.jobs import Job
-from postproc.batch.worker import JobResult, attempt, run_job
+from postproc.batch.worker import run_job
 from postproc.cli.common import Session
 from postproc.cli.ticker import EVERY, Lines, speed, ticker
 from postproc.errors import DataError
 from postproc.jobs.convert import ConvertRequest
+from tests.batch.misbehave import misbehave
 from tests.places import FIXTURES
-
-
-def misbehave(job):
-    """Stand in for a conversion: what to do is the job's name."""
-    return attempt(job, lambda: _as_named(job))
-
-
-def _as_named(job):
-    if job.key == "hang":
-        time.sleep(60)
-    if job.key == "die":
-        os._exit(9)
-    if job.key == "eat":
-        bytearray(8 * 1024**3)
-    return JobResult(job.key, "ok", errors=())
 
 
 def _job(name):
