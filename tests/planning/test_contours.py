@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from postproc.model import MoveRole
+from postproc.planning.external.positions import cubic, slopes
 from postproc.planning.job import checker_of
 from postproc.planning.planner import plan
-from postproc.planning.search.between import cubic, slopes
 from postproc.planning.search.keytags import dense_key_tags
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.states import PlanOptions, settle

@@ -15,7 +15,6 @@ from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.model import Plan
 from postproc.planning.external.rating import BLOCKED, KNOT, UNREACHED, Rating
 from postproc.planning.external.sequence import AWAY, Row, carrying, cheapest, moving_rows
-from postproc.planning.search import cubic, slopes
 from postproc.process import AXIS_SHARE
 from postproc.records import dataclass
 
@@ -335,6 +334,43 @@ def _curve(knots: FloatArray, value: FloatArray, way: FloatArray) -> FloatArray:
         ends = (part[at], part[at + 1], slope[at], slope[at + 1])
         columns.append(np.round(cubic((way - knots[at]) / h, h, ends), _MICRON))
     return np.column_stack(columns)
+
+
+def slopes(x: FloatArray, y: FloatArray) -> FloatArray:
+    """Return the slopes (k,) at knots of the monotone cubic through (x, y) (Fritsch, Carlson 1980).
+
+    Args:
+        x: (k,) rising.
+        y: (k,).
+    """
+    h, d = np.diff(x), np.diff(y) / np.diff(x)
+    result = np.zeros(len(x))
+    if len(x) < 3:
+        result[:] = d[0] if len(d) else 0.0
+        return result
+    left, right = 2.0 * h[1:] + h[:-1], h[1:] + 2.0 * h[:-1]
+    same = d[:-1] * d[1:] > 0.0
+    safe = np.where(same, d[:-1], 1.0), np.where(same, d[1:], 1.0)
+    result[1:-1] = np.where(same, (left + right) / (left / safe[0] + right / safe[1]), 0.0)
+    result[0], result[-1] = d[0], d[-1]
+    return result
+
+
+def cubic(share: FloatArray, length: FloatArray, ends: tuple[FloatArray, ...]) -> FloatArray:
+    """Return values (k,) of the cubics with given ends at ``share`` of their length.
+
+    Args:
+        share: (k,) 0..1.
+        length: (k,) of the spans.
+        ends: value and value, slope and slope at start and end, (k,) each.
+    """
+    a, b, da, db = ends
+    t, t2, t3 = share, share**2, share**3
+    return np.asarray(
+        a * (2.0 * t3 - 3.0 * t2 + 1.0)
+        + b * (3.0 * t2 - 2.0 * t3)
+        + length * (da * (t3 - 2.0 * t2 + t) + db * (t3 - t2))
+    )
 
 
 def _tridiagonal(diagonal: FloatArray, beside: FloatArray, right: FloatArray) -> FloatArray:

@@ -1,6 +1,6 @@
 """The best sequence of states."""
 
-from postproc.planning.search.between import Interpolation, cubic, slopes
+from postproc.planning.search.between import Interpolation
 from postproc.planning.search.edges import best_of
 from postproc.planning.search.keytags import (
     arc_length,

@@ -139,47 +139,6 @@ class Interpolation:
         """Return the spin (k,) [rad] of tags (k,) at twists (k,)."""
         return rounded_spin(twist - self.carried[tags])
 
-    def twists(self, tags: IndexArray, spin: FloatArray) -> FloatArray:
-        """Return the twist (k,) of successive tags, each within half a turn of the one before."""
-        return np.unwrap(spin + self.carried[tags])
-
-
-def slopes(x: FloatArray, y: FloatArray) -> FloatArray:
-    """Return the slopes (k,) at knots of the monotone cubic through (x, y) (Fritsch, Carlson 1980).
-
-    Args:
-        x: (k,) rising.
-        y: (k,).
-    """
-    h, d = np.diff(x), np.diff(y) / np.diff(x)
-    result = np.zeros(len(x))
-    if len(x) < 3:
-        result[:] = d[0] if len(d) else 0.0
-        return result
-    left, right = 2.0 * h[1:] + h[:-1], h[1:] + 2.0 * h[:-1]
-    same = d[:-1] * d[1:] > 0.0
-    safe = np.where(same, d[:-1], 1.0), np.where(same, d[1:], 1.0)
-    result[1:-1] = np.where(same, (left + right) / (left / safe[0] + right / safe[1]), 0.0)
-    result[0], result[-1] = d[0], d[-1]
-    return result
-
-
-def cubic(share: FloatArray, length: FloatArray, ends: tuple[FloatArray, ...]) -> FloatArray:
-    """Return values (k,) of the cubics with given ends at ``share`` of their length.
-
-    Args:
-        share: (k,) 0..1.
-        length: (k,) of the spans.
-        ends: value and value, slope and slope at start and end, (k,) each.
-    """
-    a, b, da, db = ends
-    t, t2, t3 = share, share**2, share**3
-    return np.asarray(
-        a * (2.0 * t3 - 3.0 * t2 + 1.0)
-        + b * (3.0 * t2 - 2.0 * t3)
-        + length * (da * (t3 - 2.0 * t2 + t) + db * (t3 - t2))
-    )
-
 
 def infeasible(problem: Problem, way: FloatArray) -> IndexArray:
     """Return the ``Reason`` (n,) for which no cut leads to a tag from the one before, or none.

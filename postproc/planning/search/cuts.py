@@ -97,13 +97,6 @@ def _judge(checker: Checker, between: Interpolation, spans: Spans) -> Judged:
     rows = between.rows(spans.first, spans.last)
     tags, ends = (spans.first, spans.last), (spans.attitude_first, spans.attitude_last)
     attitude = between.attitudes(rows, tags, ends)
-    return judge_rows(checker, between, spans, rows, attitude)
-
-
-def judge_rows(
-    checker: Checker, between: Interpolation, spans: Spans, rows: Rows, attitude: FloatArray
-) -> Judged:
-    """Return what stands against spans whose tags stand in attitudes (k, 3)."""
     problem, is_cut = checker.problem, between.is_cut[rows.tag]
     place = problem.placement
     lift = checker.strokes.top[spans.first]

@@ -1,4 +1,4 @@
-"""Poses on round spins about those of the grid, and the spin between key tags made smooth.
+"""Poses on round spins about those of the grid.
 
 The grid finds the right valley; inside it the best sequence is searched once more, on round spins
 within a step of the grid around every pose, in its branch. What is round stays where it is when
@@ -11,10 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from postproc.arrays import TINY, BoolArray, FloatArray, IndexArray
+from postproc.arrays import TINY, FloatArray, IndexArray
 from postproc.errors import Finding, Severity
-from postproc.planning.search.between import Interpolation, cubic, slopes
-from postproc.planning.search.cuts import Spans, judge_rows
+from postproc.planning.search.between import Interpolation
 from postproc.planning.search.laps import searched
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.search.rungs import FINER_PRICE, Window, is_round, yardstick
@@ -55,8 +54,6 @@ def on_round_spins(search: PoseSearch, chosen: Chosen, *, at_edges: bool) -> Cho
         bad = np.union1d(np.flatnonzero(chosen.good & ~moved.good), sorted(near.wanted))
         bad = np.union1d(bad, np.flatnonzero(moved.entry & ~chosen.entry)).astype(np.int64)
         if not len(bad):
-            linked = (near.weight > 0.0) & ~moved.entry[tags]
-            _smoothed(near, linked & (tags != tags[0]), moved)
             return moved
         window = window.shut(np.isin(chain, chain[bad]))
     return chosen
@@ -96,41 +93,3 @@ def _feed_times(problem: Problem, between: Interpolation, tags: IndexArray) -> F
     step = np.diff(between.way[tags], prepend=between.way[tags[:1]])
     timed = between.is_cut[tags] & np.isfinite(feed) & (step > TINY)
     return np.where(timed, step / np.where(timed, feed, 1.0), np.inf)
-
-
-def _smoothed(near: PoseSearch, linked: BoolArray, chosen: Chosen) -> None:
-    """Let the twist run as a monotone cubic between key tags, in place, where that can be run."""
-    between, tags = near.between, near.tags
-    spans = _spans(near, linked, chosen)
-    if not len(spans):
-        return
-    cut = linked & between.is_cut[tags]
-    slope = np.zeros(len(tags))
-    twist = chosen.attitude[tags, 0] + between.carried[tags]
-    starts = np.flatnonzero(~cut)
-    for low, high in zip(starts.tolist(), np.append(starts[1:], len(cut)).tolist(), strict=True):
-        at = tags[low:high]
-        twist[low:high] = between.twists(at, chosen.attitude[at, 0])
-        if high - low > 1 and (np.diff(between.way[at]) > 1e-9).all():
-            slope[low:high] = slopes(between.way[at], twist[low:high])
-    rows = between.rows(spans.first, spans.last)
-    ends = (spans.attitude_first, spans.attitude_last)
-    attitude = between.attitudes(rows, (spans.first, spans.last), ends)
-    a = np.searchsorted(tags, spans.first)[rows.span]
-    b = np.searchsorted(tags, spans.last)[rows.span]
-    length = between.way[tags[b]] - between.way[tags[a]]
-    curve = cubic(rows.share, length, (twist[a], twist[b], slope[a], slope[b]))
-    inner = rows.share < 1.0
-    attitude[inner, 0] = between.spin_of(rows.tag[inner], curve[inner])
-    judged = judge_rows(near.checker, between, spans, rows, attitude)
-    good = judged.good(len(spans))[rows.span] & inner
-    chosen.attitude[rows.tag[good]], chosen.q[rows.tag[good]] = attitude[good], judged.q[good]
-
-
-def _spans(near: PoseSearch, linked: BoolArray, chosen: Chosen) -> Spans:
-    """Return the spans between successive key tags that are linked and hold tags."""
-    b = np.flatnonzero(linked[1:] & (np.diff(near.tags) > 1)) + 1
-    first, last = near.tags[b - 1], near.tags[b]
-    attitude, q = chosen.attitude, chosen.q
-    ends = attitude[first], attitude[last], q[first], q[last]
-    return Spans(first, last, *ends, chosen.branch[last])
