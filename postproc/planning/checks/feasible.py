@@ -32,10 +32,6 @@ RESOLUTION = 0.2e-3
 """Contact grazed on a shorter way [m] may pass a plan."""
 JUMP = 40.0 * DEG
 """A joint that moves more than this over such a piece is passing a singularity."""
-LONG = 8
-"""A motion of so many checked poses is probed before it is swept ..."""
-PROBES = np.array([0.5, 0.25, 0.75])
-"""... at these shares of it."""
 
 
 class Reason(IntEnum):
@@ -307,9 +303,7 @@ class Checker:
             number = np.arange(len(lines)) if together is None else together
             row = track.row[good]
             poses = self._standing(taken(track.q, good), lines.external_at(row, track.share[good]))
-            self._probe(verdict, row, poses, lines.contact)
-            good = verdict.good[row]
-            self._sweep(verdict, row[good], taken(poses, good), lines.contact, number)
+            self._sweep(verdict, row, poses, lines.contact, number)
         return verdict, track
 
     def track(self, lines: Lines, verdict: Verdict) -> Track:
@@ -434,14 +428,6 @@ class Checker:
         self.checked += len(q)
         self.pairs = hits.pairs
         verdict.collide(rows[hits.hit], hits.pair[hits.hit])
-
-    def _probe(self, verdict: Verdict, row: IndexArray, q: FloatArray, contact: BoolArray) -> None:
-        """Check a few poses on long motions: most of those that collide are found at once."""
-        first, count = np.unique(row, return_index=True, return_counts=True)[1:]
-        long = np.flatnonzero(count >= LONG)
-        at = first[long, None] + np.round((count[long, None] - 1) * PROBES).astype(np.int64)
-        at = at.ravel()
-        self._hits(verdict, row[at], q[at], contact[row[at]])
 
     def _sweep(
         self,

@@ -2,7 +2,7 @@
 
 A cut that fails between key tags and cannot be gone round gets key tags where it fails. Where no
 way is left on the grid, all tags around the break become key tags and their spins are searched in
-finer steps, farther and farther out, up to the whole cut. What is still without a way then is
+finer steps, then farther out, then those of the whole cut. What is still without a way then is
 refuted: every spin of the finest grid, in every branch, at every tag. So is where the best sequence
 leads from tag to tag as no free way was found to.
 """
@@ -19,8 +19,8 @@ from postproc.planning.search.between import Interpolation
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.records import dataclass
 
-_COARSE, _FINER = 10**6, 2
-_WINDOWS = ((8, _COARSE), (40, _FINER), (40, 1), (300, 1), (3000, 1), (10**9, _FINER))
+_FINER = 2
+_WINDOWS = ((40, 1), (300, 1), (10**9, _FINER))
 """Tags to each side of a break, and the stride on the finest grid of spins, tried in turn; no
 larger one than that of the cell's grid."""
 MOST_STATES = 12_000_000
