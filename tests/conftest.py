@@ -17,6 +17,42 @@ for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
 
 
+_ITEM: list[pytest.Item] = []
+"""The test that runs."""
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Note which test runs, before any of its fixtures."""
+    _ITEM[:] = [item]
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _causes_where_they_are_read():
+    """Let the command look for the causes of failing tags only for tests marked ``causes``.
+
+    The search converts the job again with every change that may cure it.
+    """
+    from postproc.jobs import convert
+
+    search = convert.causes
+
+    def asked(*arguments):
+        return search(*arguments) if _ITEM[0].get_closest_marker("causes") else ()
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(convert, "causes", asked)
+        yield
+
+
+@pytest.fixture
+def batch_here(monkeypatch):
+    """Let batches run their jobs in this process, where what they make is the subject."""
+    from postproc.batch import run
+    from postproc.batch.worker import run_job
+
+    monkeypatch.setattr(run, "run_local", lambda jobs, *_: map(run_job, jobs))
+
+
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add the option that accepts changed golden programs."""
     parser.addoption(

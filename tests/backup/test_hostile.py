@@ -83,16 +83,16 @@ def test_what_is_no_backup(tmp_path):
 
 
 @pytest.mark.slow
-def test_two_hundred_mutated_archives(tmp_path):
+def test_mutated_archives(tmp_path):
     """A slice of ``python -m tools.controllers mutate``: each kind of damage many times."""
     whole = contents(names={("TOOL", 3): "Fräser"}, loads={3: (40.0, (1.0, 2.0, 3.0))})
     outcomes = Counter()
     kinds = Counter()
-    for number, (kind, packed) in enumerate(mutants(whole, 200)):
+    for number, (kind, packed) in enumerate(mutants(whole, 80)):
         outcome = outcome_of(packed, tmp_path, also_check=number % 5 == 0)
         assert not outcome.startswith("fault"), (number, kind, outcome)
         outcomes[outcome] += 1
         kinds[kind] += 1
-    assert min(kinds.values()) >= 18
-    assert outcomes["cell"] > 40
+    assert min(kinds.values()) >= 7
+    assert outcomes["cell"] > 15
     assert {"BAK001", "BAK002", "BAK003", "BAK004", "BAK005", "BAK006"} <= set(outcomes)

@@ -8,6 +8,7 @@ import pytest
 from postproc.cli.app import run
 from postproc.emitters import former_parts
 
+pytestmark = pytest.mark.usefixtures("batch_here")
 CELL = """\
 schema = "postproc.cell/1"
 [robot]

@@ -47,6 +47,7 @@ def test_the_program_that_is_named_is_the_one_to_start(part, capsys):
     ]
 
 
+@pytest.mark.causes
 def test_tags_out_of_reach_are_one_sentence_with_the_move_that_frees_them(part, capsys):
     arguments = ("convert", part / "holes.csv", "-o", part / "out", "--cell")
     code, _, err = call(capsys, *arguments, cell_of(part, origin=(3700, 0, 700)))
@@ -63,7 +64,9 @@ def test_tags_out_of_reach_are_one_sentence_with_the_move_that_frees_them(part, 
     assert call(capsys, *arguments, short)[0] == 1
 
 
+@pytest.mark.causes
 def test_a_hole_is_never_offered_a_tilt(part, capsys):
+    (part / "holes.csv").write_text("".join(HOLES.splitlines(keepends=True)[:3]))
     box = """[[obstacles]]
 name = "lid"
 box = { size_mm = [1600, 1600, 100] }

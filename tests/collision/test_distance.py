@@ -124,9 +124,10 @@ def test_solids_are_split_into_convex_pieces_and_patches():
         assert sorted(solid.faces.tolist()) == list(range(len(SOLIDS[name].faces))), name
 
 
+@pytest.mark.slow
 def test_distances_are_those_of_all_triangles_and_bounds_hold():
     """What is exact, what is a bound, what is far enough: all pairs of solids, random poses."""
-    names, count = list(SOLIDS), 5
+    names, count = list(SOLIDS), 3
     meshes = list(SOLIDS.values())
     distances = Distances([Shape.of(mesh) for mesh in meshes])
     rng = np.random.default_rng(3)

@@ -18,8 +18,12 @@ SLOW = {
     "docs/howto/several-tools.md",
     "docs/howto/spin.md",
     "docs/tutorials/ci.md",
+    "docs/tutorials/engineer.md",
     "docs/tutorials/integrator.md",
+    "docs/tutorials/metrologist.md",
     "docs/tutorials/plugin.md",
+    "docs/tutorials/python.md",
+    "docs/tutorials/solids.md",
 }
 """Pages that take more than a few seconds."""
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]+")
@@ -44,6 +48,7 @@ def marked(page):
     )
 
 
+@pytest.mark.causes
 @pytest.mark.parametrize("page", [marked(page) for page in RUNNING])
 def test_every_runnable_block(page, tmp_path):
     walk = Walk(tmp_path)

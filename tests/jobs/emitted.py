@@ -1,11 +1,15 @@
 """CAM text to the text of the program, and the program's own numbers read by plain patterns."""
 
+import functools
 import re
+import tempfile
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 import postproc as pp
+from postproc.jobs.convert import ConvertRequest, convert
 
 CELL = """schema = "postproc.cell/1"
 name = "text"
@@ -50,6 +54,31 @@ def converted(folder, text, name="part.apt", cell=CELL, dialect=None, accept=())
     shop = pp.load_cell(folder / "cell.toml")
     part = pp.read(folder / name, shop, dialect=dialect, accept_words=accept)
     return pp.convert(part, shop)
+
+
+@functools.cache
+def _files_of(text, name, cell):
+    with tempfile.TemporaryDirectory() as folder:
+        cam, place = Path(folder, name), Path(folder, "cell.toml")
+        cam.write_text(text)
+        place.write_text(cell)
+        made = convert(ConvertRequest(str(cam), str(place)))
+        assert made.good, made.findings
+    return made.name, made.files
+
+
+def written_program(cam, cell):
+    """Write the good program of two files beside them; equal ones are converted once.
+
+    Returns:
+        The path of its main file.
+    """
+    name, files = _files_of(cam.read_text(), cam.name, cell.read_text())
+    out = cam.parent / "out"
+    out.mkdir(exist_ok=True)
+    for file, content in files.items():
+        (out / file).write_bytes(content)
+    return out / f"{name}.src"
 
 
 def program(job):

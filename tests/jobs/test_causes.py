@@ -11,11 +11,10 @@ from postproc.cli import app
 from postproc.jobs.convert import ConvertRequest, convert, explained
 from tests.jobs.broken import broken, converted, told
 
-SAMPLE = (
-    *(("singular", 1), ("metres", 0), ("axis", 0), ("inch", 0), ("clearance", 0), ("fixture", 0)),
-    *(("margin", 0), ("far", 3)),
-)
-"""All kinds and more of each: ``python -m tests.jobs.broken``."""
+pytestmark = pytest.mark.causes
+SAMPLE = (("singular", 1), ("metres", 0), ("axis", 0), ("fixture", 0))
+"""A margin, a unit, a tool and a solid; a place and a limit below, all kinds and more of each:
+``python -m tests.jobs.broken``."""
 
 
 def test_what_is_broken_is_named_and_the_cure_is_proven(tmp_path):
@@ -26,6 +25,7 @@ def test_what_is_broken_is_named_and_the_cure_is_proven(tmp_path):
 def test_the_least_move_is_least(tmp_path):
     draw, done = broken("far", 3, tmp_path)
     (cause,) = explained(done, ConvertRequest(done.toolpath.path, done.cell.path)).causes
+    assert cause.proven
     assert cause.remedy.endswith("towards A1")
     x, y, z = draw.at
     far = 1.0 - 0.9 * cause.amount / (x * x + y * y) ** 0.5

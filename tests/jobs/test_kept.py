@@ -104,6 +104,7 @@ def test_what_is_no_program_of_this_arm_stops_by_name(tmp_path, cell, run, made)
     assert wrong == []
 
 
+@pytest.mark.usefixtures("batch_here")
 def test_a_batch_keeps_and_names_what_it_kept_of(made, tmp_path, cell, run):
     made("old", HOLES)
     (tmp_path / "part.csv").write_text(

@@ -11,6 +11,7 @@ import functools
 import json
 import math
 import typing
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -477,10 +478,8 @@ CASES: dict[str, tuple[Any, ...]] = {
 }
 """Key of the cell to what else stands in the cell, the change, the input and more of the call."""
 
-for short, form in (("tool.", "tools[]."), ("workpiece.", "bases[].")):
-    for name in [key for key in CASES if key.startswith(short)]:
-        setup, *rest = CASES[name]
-        CASES[form + name.removeprefix(short)] = ({**setup, LONG: []}, *rest)
+LONG_FORM = {"tools[].": "tool.", "bases[].": "workpiece."}
+"""Keys of one of several, and of the only one."""
 
 
 def on_stand(**stand: list[float]) -> dict[str, Any]:
@@ -583,7 +582,32 @@ OF_CAMPAIGNS = {key for key in leaves(CellFile) if key.startswith("measuring.")}
 """What no program depends on."""
 
 
-@pytest.mark.parametrize("key", sorted({*leaves(CellFile)} - OF_CAMPAIGNS))
+def only_one(key):
+    """Return the key of the only tool or base to one of several; others as they are."""
+    for several, one in LONG_FORM.items():
+        if key.startswith(several) and key not in CASES:
+            return one + key.removeprefix(several)
+    return key
+
+
+def test_one_of_several_is_read_as_the_only_one(tmp_path):
+    """So what a key of it does to a program needs no second proof."""
+
+    def read(*changes):
+        (tmp_path / "cell.toml").write_text(cell_text(*changes))
+        cell = load_cell(tmp_path / "cell.toml")
+        return repr((replace(cell.tool, source=None), cell.workpiece))
+
+    (tmp_path / "cube.stl").write_bytes(b"")
+    wrong = []
+    for key, (setup, change, *_) in CASES.items():
+        if key.startswith(tuple(LONG_FORM.values())):
+            short, several = read(setup, change), read(setup, change, {LONG: []})
+            wrong += [key] if short != several or short == read(setup) else []
+    assert wrong == []
+
+
+@pytest.mark.parametrize("key", sorted({*map(only_one, leaves(CellFile))} - OF_CAMPAIGNS))
 def test_every_key_of_the_cell_has_an_effect(outcome, key):
     assert key in CASES, f"{key} is new: give it a case here"
     setup, change, *rest = CASES[key]

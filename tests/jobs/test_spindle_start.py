@@ -58,6 +58,7 @@ def judged(run, source, cell, out):
     return found
 
 
+@pytest.mark.slow
 def test_every_job_in_every_cell(tmp_path, run):
     wrong = []
     for job, who in itertools.product(JOBS, CELLS):

@@ -10,21 +10,23 @@ from postproc.controller.modules import load_program
 from postproc.kinematics import build
 from postproc.paths import run_in_cell
 from tests import wing
+from tests.jobs.emitted import written_program
 
+pytestmark = pytest.mark.usefixtures("batch_here")
 OPTIONS = "[optimize]\nstep_deg = 30\n[krl]\nsetup = true\n"
 
 
 @pytest.fixture
-def program(tmp_path, run):
+def program(tmp_path):
     """Return a function that converts the wing panel in a changed cell into a folder."""
 
     def make(name, change=lambda text: text, source=None):
-        cam, cell = tmp_path / "wing.csv", tmp_path / f"{name}.toml"
+        folder = tmp_path / name
+        folder.mkdir()
+        cam, cell = folder / "wing.csv", folder / "cell.toml"
         cam.write_text(source or wing.csv_text(3))
         cell.write_text(change(wing.cell_text(OPTIONS)))
-        code, document, err = run("convert", cam, "--cell", cell, "-o", tmp_path / name, "--json")
-        assert (code, document["failures"]) == (0, []), err
-        return tmp_path / name
+        return written_program(cam, cell).parent
 
     return make
 

@@ -19,7 +19,15 @@ def converted(tmp_path_factory):
 
     def run(*options, capsys):
         folder = tmp_path_factory.mktemp("out")
-        words = [str(CASE / "panel.csv"), "--cell", str(CASE / "cell.toml"), "-o", str(folder)]
+        holes = (CASE / "panel.csv").read_text(encoding="utf-8").splitlines(keepends=True)
+        (folder / "some.csv").write_text("".join(holes[:61]), encoding="utf-8")
+        words = [
+            str(folder / "some.csv"),
+            "--cell",
+            str(CASE / "cell.toml"),
+            "-o",
+            str(folder / "out"),
+        ]
         assert app.run(["convert", *words, *options, "--json"]) == 0
         return json.loads(capsys.readouterr().out)
 

@@ -160,6 +160,7 @@ def test_from_python(tmp_path, cell):
     assert postproc.convert(part, shop).good
 
 
+@pytest.mark.usefixtures("batch_here")
 def test_sections_of_a_batch_stop_too(tmp_path, cell, run):
     source, _ = source_in(tmp_path, WORDS)
     call = ("batch", source, "--cell", cell, "-o", tmp_path / "out", "--split", "count:2", "--json")

@@ -10,6 +10,8 @@ import re
 
 import pytest
 
+from postproc.process import word_findings
+from postproc.readers import ReadOptions, read
 from postproc.readers.apt.refused import WORDS, Action
 from postproc.readers.apt.words import _HANDLERS
 from tests.jobs.emitted import CELL, converted, program
@@ -143,19 +145,16 @@ def test_a_hooked_word_is_a_call_between_its_points(tmp_path, line, call):
     in_order(text, [r"X 0\.0000,Y 0\.0000,Z 0\.0000", call, r"X 20\.0000"])
 
 
-@pytest.mark.parametrize("line", KEPT)
-def test_text_is_kept_or_left_out_and_moves_nothing(tmp_path, line):
-    job = converted(tmp_path, part(line), dialect="apt")
-    same = re.findall(r"^LIN.*?\}", program(converted(tmp_path, part(""), dialect="apt")), re.M)
-    assert re.findall(r"^LIN.*?\}", program(job), re.M) == same
+def lines_of(job):
+    return re.findall(r"^LIN.*?\}", program(job), re.M)
 
 
-@pytest.mark.parametrize("line", NOTED)
-def test_a_harmless_word_is_a_note_and_moves_nothing(tmp_path, line):
-    job = converted(tmp_path, part(line), dialect="apt")
-    assert "WRD003" in {finding.code for finding in job.findings}
-    same = re.findall(r"^LIN.*?\}", program(converted(tmp_path, part(""), dialect="apt")), re.M)
-    assert re.findall(r"^LIN.*?\}", program(job), re.M) == same
+def test_text_and_harmless_words_move_nothing(tmp_path):
+    job = converted(tmp_path, part("\n".join([*KEPT, *NOTED])), dialect="apt")
+    assert lines_of(job) == lines_of(converted(tmp_path, part(""), dialect="apt"))
+    noted = [finding.message for finding in job.findings if finding.code == "WRD003"]
+    words = {re.split(r"[/,]", line)[0] for line in NOTED}
+    assert [word for word in words if not any(word in text for text in noted)] == []
 
 
 @pytest.mark.parametrize(("line", "word"), REFUSED.items())
@@ -166,8 +165,9 @@ def test_a_refused_word_stops_the_program_by_name(tmp_path, line, word):
     assert [(finding.code, finding.message.split(" ")[0]) for finding in errors] == [
         ("WRD001", word)
     ]
-    accepted = converted(tmp_path, part(f"{line}\nGOTO/20,0,0"), dialect="apt", accept=[word])
-    assert word not in {f.message.split(" ")[0] for f in accepted.findings if f.is_error}
+    options = ReadOptions(dialect="apt", accept_words=(word,))
+    accepted = word_findings(read(tmp_path / "part.apt", options=options))
+    assert word not in {f.message.split(" ")[0] for f in accepted if f.is_error}
 
 
 @pytest.mark.parametrize(("line", "code"), CODED.items())

@@ -53,7 +53,7 @@ def test_outliers_are_named_and_nothing_else():
     covered = []
     for stated, (n, wrong) in product((True, False), ((4, 0), (4, 1), (6, 1), (8, 2), (16, 5))):
         named = blamed = 0
-        for _ in range(60):
+        for _ in range(40):
             points, T, bad = part(rng, n, wrong, stated=stated)
             found = fit_base(points)
             out = set(found.outliers.tolist())
@@ -62,10 +62,10 @@ def test_outliers_are_named_and_nothing_else():
                 q = rng.uniform(-1.0, 1.0, (4, 3))
                 off = np.linalg.norm(apply(found.T_robroot_base, q) - apply(T, q), axis=1)
                 covered.extend(off <= found.u95(q))
-        if named < 55 or blamed > 2:
+        if named < 36 or blamed > 1:
             lines.append((stated, n, wrong, named, blamed))
     assert lines == []
-    assert np.mean(covered) == pytest.approx(0.95, abs=0.02)
+    assert np.mean(covered) == pytest.approx(0.95, abs=0.03)
 
 
 def test_of_three_points_and_of_four_in_a_plane_none_is_blamed():

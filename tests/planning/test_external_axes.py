@@ -519,6 +519,7 @@ def test_a_cut_refused_where_the_axes_stood_is_not_said_to_be_impossible(
     assert "with E1 at the places that were tried" in result.errors[-1].message
 
 
+@pytest.mark.slow
 def test_the_way_back_of_the_table_counts_against_a_carried_cut(make_cell, make_path):
     """Four rims in one sense: three times the table would have to turn all the way back."""
     toolpath, turn = rim(make_path, 0.25, 45.0 * DEG, laps=4)

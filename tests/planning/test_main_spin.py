@@ -62,6 +62,7 @@ def dome(count=1500, passes=5, length=50000.0):
     return bare_path("dome", points * MM, axes[rows], feed=0.025, kind=kind)
 
 
+@pytest.mark.slow
 def test_no_pass_turns_the_tool_over_for_what_rounding_of_the_grid_gives():
     cell, toolpath = parse_cell(DOME_CELL.encode(), "cell.toml"), dome()
     made = plan(toolpath, cell)

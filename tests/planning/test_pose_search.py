@@ -120,9 +120,10 @@ def test_what_fails_beside_a_pose_collides_and_the_wrist_turned_over_is_among_it
     assert turned_over > 5
 
 
+@pytest.mark.slow
 def test_poses_on_round_spins_are_free_and_cost_no_more(make_cell, make_path):
     lower = 0
-    for seed in range(0, 50, 3):
+    for seed in range(0, 50, 7):
         checker = crowded(make_cell, make_path, seed)
         optimize = checker.problem.cell.optimize
         chosen, settings = {}, checker.problem.settings
@@ -141,7 +142,7 @@ def test_poses_on_round_spins_are_free_and_cost_no_more(make_cell, make_path):
         cost = [objective(checker.problem, good, poses) for poses in (grid, moved)]
         assert cost[1] <= cost[0] + 1e-6
         lower += cost[1] < cost[0] - 1e-3
-    assert lower > 5
+    assert lower > 2
 
 
 def objective(problem, tags, poses):

@@ -193,6 +193,8 @@ def test_the_table_of_inspect_can_be_pasted(corpus, tmp_path, capsys, name):
     assert not [finding for finding in claims.findings if finding.is_error]
     assert (claims.tool >= 0).all()
     assert (claims.base >= 0).all()
+    if name not in SEVERAL[:3]:
+        return  # that such cells convert is said above
     assert run([*call, "--accept-words", "CUTCOM", "--partial"]) in (0, 1)
     assert not re.search(r"error (WRD|CEL)", capsys.readouterr().err)
 

@@ -269,9 +269,10 @@ def test_continuous_model_says_how_sure_it_is(arm, postures, varying):
     assert fit.field.extrapolation(far).min() > 0.5 > fit.field.extrapolation(q).max()
 
 
+@pytest.mark.slow
 def test_numbers_of_joints_are_those_of_the_chosen_model(arm, postures, varying):
     """One constant for all postures is no estimate of stiffness that varies."""
-    q = postures(64, seed=12)
+    q = postures(40, seed=12)
     result = identify(campaign(varying, q, three_directions(varying), TRACKER), arm, TCP)
     assert result.chosen == "continuous"
     true = 1.0 / varying.compliance(q).mean(axis=0)
@@ -438,7 +439,7 @@ def test_loads_with_another_sign_or_unit_are_refused(arm, postures, spoil, code,
 def test_loads_that_stand_in_other_rows_give_no_model(arm, postures):
     """On tags not fitted no model beats a rigid arm: none is written."""
     twin = Twin()
-    rows = campaign(twin, postures(60), three_directions(twin), TRACKER)
+    rows = campaign(twin, postures(40), three_directions(twin), TRACKER)
     mixed = np.array(rows.wrench)
     some = np.flatnonzero(np.any(mixed, axis=1))
     mixed[some] = mixed[np.random.default_rng(3).permutation(some)]

@@ -112,7 +112,7 @@ def expected_gaps(done: Conversion, folder: Path) -> np.ndarray:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("number", "seed"), [(2, 3), (1, 3), (4, 9), (5, 9), (10, 9)])
+@pytest.mark.parametrize(("number", "seed"), [(2, 3), (4, 9), (10, 9)])
 def test_compensation_is_bounded_smooth_and_better_on_every_stretch(
     tmp_path: Path, number: int, seed: int
 ) -> None:

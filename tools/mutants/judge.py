@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import islice
 
 import numpy as np
 
@@ -57,8 +58,12 @@ def noticed(case: Case, files: Mapping[str, bytes], *, collisions: bool) -> set[
     return found | {violation.code for violation in report.violations}
 
 
-def judge(case: Case, each: int | None = None, seed: int = 0) -> Judgement:
+def judge(
+    case: Case, each: int | None = None, seed: int = 0, part: tuple[int, int] = (0, 1)
+) -> Judgement:
     """Judge the mutants of a program: at most so many of each rule in a file, or all.
+
+    ``part``: of those only each so many-th, from which one on.
 
     Raises:
         ValueError: if the program itself is not good.
@@ -69,7 +74,7 @@ def judge(case: Case, each: int | None = None, seed: int = 0) -> Judgement:
     cell, feed = case.cell, _fastest_cut(case.toolpath)
     original = Effect(case.files, cell, feed)
     result = Judgement()
-    for mutant in mutants(case.files, each, seed):
+    for mutant in islice(mutants(case.files, each, seed), part[0], None, part[1]):
         codes = noticed(case, mutant.files, collisions=False)
         if codes:
             result.caught[min(codes)] += 1
