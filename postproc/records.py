@@ -2,10 +2,8 @@
 
 ``dataclasses`` writes and compiles up to seven functions for each frozen class, half a millisecond,
 and a command loads 300 of them. Here what shows, compares, hashes and refuses to be changed are
-functions that all these classes share, and an ``__init__`` that only keeps its arguments is
-compiled once for each number of them: it differs in the names. All else is as with
-``dataclasses``: fields, defaults, slots, ``replace``, equality and hash by fields,
-``FrozenInstanceError``.
+functions that all these classes share. All else is as with ``dataclasses``: ``__init__``, fields,
+defaults, slots, ``replace``, equality and hash by fields, ``FrozenInstanceError``.
 """
 
 from __future__ import annotations
@@ -13,10 +11,9 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import cache, partial
+from functools import partial
 from operator import attrgetter
 from reprlib import recursive_repr
-from types import CodeType, FunctionType
 from typing import TYPE_CHECKING, Any
 
 Decorator = Callable[[type], type]
@@ -47,13 +44,12 @@ else:
         def made(plain: type) -> type:
             own = set(vars(plain))
             plain.__doc__ = plain.__doc__ or plain.__name__  # else its signature is worked out
-            keeps = _only_keeps(plain)
             with _as_not_frozen(plain):
-                cls = dataclasses.dataclass(
-                    init=not keeps, repr=False, eq=False, slots=slots, kw_only=kw_only
-                )(plain)
+                cls = dataclasses.dataclass(repr=False, eq=False, slots=slots, kw_only=kw_only)(
+                    plain
+                )
             cls.__dataclass_params__.frozen = frozen
-            shared = {"__repr__": _repr} | ({"__init__": _init(cls)} if keeps else {})
+            shared = {"__repr__": _repr}
             if eq:
                 compared = [field.name for field in dataclasses.fields(cls) if field.compare]
                 cls._compared = staticmethod(attrgetter(*compared) if compared else type)
@@ -71,62 +67,6 @@ else:
 
     record = partial(dataclass, guarded=False)
     """For what exists by the hundred thousand: the guard is called for each field of each one."""
-
-
-def _only_keeps(plain: type) -> bool:
-    """Return whether ``__init__`` is to keep its arguments and nothing else."""
-    bases = [getattr(base, "__dataclass_fields__", {}) for base in plain.__mro__[1:]]
-    inherited = [field for fields in bases for field in fields.values()]
-    own = [value for value in vars(plain).values() if isinstance(value, dataclasses.Field)]
-    kinds = [*vars(plain).get("__annotations__", {}).values(), *(field.type for field in inherited)]
-    return not any("InitVar" in str(kind) for kind in kinds) and all(
-        field.init and field.default_factory is dataclasses.MISSING for field in own + inherited
-    )
-
-
-def _init(cls: Any) -> FunctionType:  # noqa: ANN401 - as below
-    """Return an ``__init__`` that keeps its arguments and calls any ``__post_init__``."""
-    fields = dataclasses.fields(cls)
-    named = [field for field in fields if field.kw_only]
-    placed = [field for field in fields if not field.kw_only]
-    values = [field.default for field in placed if field.default is not dataclasses.MISSING]
-    for field in placed[len(placed) - len(values) :]:
-        if field.default is dataclasses.MISSING:
-            raise TypeError(f"non-default argument {field.name!r} follows default argument")
-    code = _keeping(len(placed), len(named), hasattr(cls, "__post_init__"))
-    names = {f"_{i}": field.name for i, field in enumerate([*placed, *named])}
-    function = FunctionType(
-        code.replace(
-            co_varnames=tuple(names.get(name, name) for name in code.co_varnames),
-            co_names=tuple(names.get(name, name) for name in code.co_names),
-            co_qualname=f"{cls.__qualname__}.__init__",
-        ),
-        {},
-        "__init__",
-        tuple(values),
-    )
-    facts = {
-        "__module__": cls.__module__,
-        "__annotations__": {field.name: field.type for field in fields} | {"return": None},
-        "__kwdefaults__": {
-            field.name: field.default for field in named if field.default is not dataclasses.MISSING
-        },
-    }
-    for name, value in facts.items():
-        setattr(function, name, value)
-    return function
-
-
-@cache
-def _keeping(placed: int, named: int, is_followed: bool) -> CodeType:
-    """Return the code of an ``__init__`` of so many arguments ``_0``, ``_1`` and so on."""
-    names = [f"_{i}" for i in range(placed + named)]
-    arguments = ["self", *names[:placed], *(["*"] if named else []), *names[placed:]]
-    lines = ["pass", *(f"self.{name} = {name}" for name in names)]
-    lines += ["self.__post_init__()"] * is_followed
-    text = "\n ".join([f"def __init__({', '.join(arguments)}):", *lines])
-    module = compile(text, "<init of a dataclass>", "exec")
-    return next(part for part in module.co_consts if isinstance(part, CodeType))
 
 
 @contextmanager

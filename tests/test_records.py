@@ -2,7 +2,6 @@
 
 import copy
 import dataclasses
-import inspect
 import pickle
 from dataclasses import field, replace
 
@@ -193,49 +192,3 @@ def test_own_methods_are_kept():
             return "own"
 
     assert (Own(1) == 2, hash(Own(1)), repr(Own(1))) == (True, 1, "own")
-
-
-def test_an_init_that_only_keeps_takes_its_arguments_as_that_of_dataclasses():
-    for ours, theirs in zip(OURS, THEIRS, strict=True):
-        assert inspect.signature(ours) == inspect.signature(theirs)
-    move = OURS[1]
-    for call in (lambda: move(), lambda: move("PTP", 1.0, (), "n", 3), lambda: move("PTP", to=1)):
-        with pytest.raises(TypeError, match=r"__init__\(\)"):
-            call()
-    with pytest.raises(TypeError, match="non-default argument 'b' follows default argument"):
-        records.dataclass()(type("Late", (), {"__annotations__": {"a": int, "b": int}, "a": 1}))
-
-
-def test_what_init_does_besides_is_that_of_dataclasses():
-    def own(dataclass):
-        @dataclass(slots=True)
-        class Late:
-            value: int
-            given: dataclasses.InitVar[int]
-            more: list = field(default_factory=list)
-            twice: int = field(init=False)
-
-            def __post_init__(self, given):
-                self.twice = 2 * given
-
-        @dataclass(slots=True)
-        class Behind(Late):
-            last: int = 7
-
-        return Behind(1, 2, [3])
-
-    ours, theirs = own(records.dataclass), own(dataclasses.dataclass)
-    assert repr(ours) == repr(theirs)
-    assert dataclasses.asdict(ours) == {"value": 1, "more": [3], "twice": 4, "last": 7}
-
-    @records.dataclass(frozen=True, slots=True)
-    class Checked:
-        value: int
-
-        def __post_init__(self):
-            if self.value < 0:
-                raise ValueError("below zero")
-
-    assert Checked(value=1).value == 1
-    with pytest.raises(ValueError, match="below zero"):
-        Checked(-1)
