@@ -155,7 +155,7 @@ def test_distances_are_those_of_all_triangles_and_bounds_hold():
         ):
             wrong += [f"{names[a]} {names[b]} {text} {true[k]}" for k in np.flatnonzero(~good)]
     assert not wrong, wrong[:20]
-    assert met > 80
+    assert met > 50
 
 
 def test_of_a_group_the_first_that_is_near_ends_the_search():

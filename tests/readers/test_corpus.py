@@ -14,7 +14,7 @@ from postproc.model.toolpath import MotionKind
 from postproc.process import claimed, started_by_none, word_findings
 from postproc.readers import ReadOptions, read
 from postproc.readers.apt.arcs import tangency
-from postproc.readers.apt.finish import straight_neighbours
+from postproc.readers.apt.file import straight_neighbours
 
 pytestmark = pytest.mark.corpus
 DIALECTS = {"az": "solidworks", "azhist": "solidworks", "creo": "creo", "nx": "nx"}

@@ -23,7 +23,7 @@ import numpy as np
 from postproc.errors import PostprocError
 from postproc.model.toolpath import MotionKind, ToolPath
 from postproc.readers import ReadOptions, read
-from postproc.readers.apt.seats import DIALECTS
+from postproc.readers.apt.dialect import DIALECTS
 
 FIXTURES = Path(__file__).resolve().parents[2] / "tests" / "readers" / "data"
 SECONDS = 5

@@ -9,12 +9,13 @@ from __future__ import annotations
 from math import isnan, nan, radians
 
 from postproc.model import ORIENT, Cycle, CycleKind, WordClass
-from postproc.readers.apt.byturns import LEFT, ByTurns
 from postproc.readers.apt.cycletext import Found, is_catia_order, is_hsm_order, parameters
 from postproc.readers.apt.dialect import CycleGrammar, CycleRule, DepthRule
 from postproc.readers.apt.heights import (
     DEFAULT_CLEARANCE,
+    LEFT,
     READINGS,
+    ByTurns,
     Heights,
     with_levels,
 )

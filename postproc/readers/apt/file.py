@@ -1,28 +1,254 @@
 """APT and CL files to a toolpath: NX, SolidWorks CAM, Creo, CATIA, CAMWorks and plain APT.
 
 A file is read in blocks. In each block the points, arcs and rapids are taken in bulk
-(``scan``, ``motion``), every other statement acts in order on the modal state (``words``), and the
-columns of the block are cut from both (``state``).
+(``statement``, ``motion``), every other statement acts in order on the modal state (``words``), and
+the columns of the block are cut from both (``state``). At the end splines are put in their places
+and arcs computed.
 """
 
 from __future__ import annotations
 
 import re
 from collections import Counter
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
-from postproc.model import ToolPath, WordClass
-from postproc.readers.apt.dialect import Dialect
-from postproc.readers.apt.finish import finished_toolpath
+from postproc.arrays import NONE, FloatArray, IndexArray, IntArray, Table
+from postproc.model import Arcs, Cycle, Event, MotionKind, ToolPath, WordClass
+from postproc.readers.apt.arcs import ArcRecords, Around, arcs_between, settled_senses, tangency
+from postproc.readers.apt.dialect import ArcSense, Dialect, dialect_of
+from postproc.readers.apt.feed import settle_turn_feed
+from postproc.readers.apt.levels import check_resumed, check_standing, settle_levels, settle_turns
 from postproc.readers.apt.motion import MotionReader, Motions
-from postproc.readers.apt.nurbs import close_spline
-from postproc.readers.apt.scan import CIRCLE, COMMENT, GOTO, RAPID, Scan, scan, statement_blocks
-from postproc.readers.apt.seats import dialect_of
-from postproc.readers.apt.state import AptState
+from postproc.readers.apt.nurbs import MOST_SEGMENTS, close_spline, discretised
+from postproc.readers.apt.state import AptState, Columns
+from postproc.readers.apt.statement import (
+    CIRCLE,
+    COMMENT,
+    GOTO,
+    RAPID,
+    Scan,
+    scan,
+    statement_blocks,
+)
 from postproc.readers.apt.words import check_homes, comment, handle, settle_tools, unit_name
-from postproc.readers.base import HEAD_BYTES, LENGTH_UNITS, ReadOptions
+from postproc.readers.base import ARC_SENSES, HEAD_BYTES, LENGTH_UNITS, ReadOptions
 from postproc.readers.text import Faults, TextBlock
+from postproc.records import dataclass
+
+
+@dataclass(slots=True)
+class _Tags(Table):
+    """All tags in columns of length n, as in ``ToolPath``."""
+
+    points: FloatArray
+    axes: FloatArray
+    kind: IntArray
+    feed: FloatArray
+    line: IntArray
+    operation: IntArray
+    tool: IntArray
+    cycle: IntArray
+
+
+def finished_toolpath(state: AptState, path: str) -> ToolPath:
+    """Return the toolpath of a state that has seen the whole file."""
+    settle_turn_feed(state)
+    table = _joined(state)
+    records = ArcRecords.joined(state.columns.arcs)
+    state.columns = Columns()
+    check_resumed(state, table)
+    settle_turns(state, table)
+    settle_levels(state, table)
+    shift: IndexArray = np.zeros(len(state.splines) + 1, dtype=np.int64)
+    if state.splines:
+        table, shift = _with_splines(state, table)
+        before = np.searchsorted([s.tag for s in state.splines], records.tag, side="right")
+        records = replace(records, tag=(records.tag + shift[before]).astype(np.int32))
+    arcs = _arcs(state, table, records)
+    arc_column = np.full(len(table), NONE, dtype=np.int32)
+    arc_column[records.tag] = np.arange(len(records.tag))
+    _settle_feeds(table, state.cycles)
+    events = _events(state, shift)
+    check_standing(state, events, table.kind, table.line)
+    return ToolPath(
+        path=path,
+        name=Path(path).stem,
+        format="apt",
+        dialect=state.dialect.name,
+        units=state.units,
+        assumed=tuple(
+            f"lengths in {w.message.partition('read in ')[2]}"
+            for w in state.faults.warnings
+            if w.code == "APT110"
+        ),
+        points=table.points,
+        axes=table.axes,
+        kind=table.kind,
+        feed=table.feed,
+        line=table.line,
+        operation=table.operation,
+        tool=table.tool,
+        arc=arc_column,
+        cycle=table.cycle,
+        operations=tuple(state.operations),
+        tools=tuple(state.tools.tools),
+        arcs=arcs,
+        cycles=tuple(state.cycles),
+        events=events,
+        unknown_words=dict(sorted(state.unknown.items())),
+        words=dict(sorted(state.words.items())),
+        word_uses=state.uses.all(),
+        setup=state.setups.column(table.line),
+        setups=tuple(state.setups.setups),
+        start=state.start,
+        warnings=state.faults.warnings,
+        recovered=state.faults.fixes,
+    )
+
+
+def _joined(state: AptState) -> _Tags:
+    columns = state.columns
+    n = state.done
+    return _Tags(
+        np.concatenate([np.zeros((0, 3)), *columns.points]),
+        np.concatenate([np.zeros((0, 3)), *columns.axes]),
+        _ints(columns.kind),
+        np.concatenate([np.zeros(0), *columns.feed]),
+        _ints(columns.line),
+        _ints(columns.operation),
+        state.tools.column(n),
+        _ints(columns.cycle),
+    )
+
+
+def _ints(parts: list[IntArray]) -> IntArray:
+    joined: IntArray = np.concatenate([np.zeros(0, dtype=np.int32), *parts])
+    return joined
+
+
+def _with_splines(state: AptState, table: _Tags) -> tuple[_Tags, IndexArray]:
+    """Return the table with the points of the splines, and how many stand before each spline."""
+    shift = np.zeros(len(state.splines) + 1, dtype=np.int64)
+    parts: list[_Tags] = []
+    at = 0
+    current: FloatArray | None = state.start
+    for i, spline in enumerate(state.splines):
+        parts.append(table.rows(np.arange(at, spline.tag)))
+        if spline.tag > at:
+            current = _end_point(table, state.cycles, spline.tag - 1)
+        at = spline.tag
+        if current is None:
+            raise state.faults.error(
+                "APT083", "a NURBS with no point before it to start from", spline.line
+            )
+        points = discretised(spline, current, state.options.chord_tolerance)
+        if points is None:
+            text = f"a NURBS takes more than {MOST_SEGMENTS} straight pieces within the chord "
+            raise state.faults.error("APT088", text + "tolerance", spline.line)
+        current = points[-1]
+        shift[i + 1] = shift[i] + len(points)
+        axis = table.axes[at - 1] if at else np.array([0.0, 0.0, 1.0])
+        m = len(points)
+        parts.append(
+            _Tags(
+                points,
+                np.tile(axis, (m, 1)),
+                np.full(m, MotionKind.LINEAR, dtype=np.int32),
+                np.full(m, spline.feed),
+                np.full(m, spline.line, dtype=np.int32),
+                np.full(m, spline.operation, dtype=np.int32),
+                np.full(m, state.tools.of_spline(i, at), dtype=np.int32),
+                np.full(m, NONE, dtype=np.int32),
+            )
+        )
+        state.faults.warn(
+            "APT131", "NURBS driven as straight pieces within the chord tolerance", spline.line
+        )
+    parts.append(table.rows(np.arange(at, len(table))))
+    return _Tags.concat(parts), shift
+
+
+def _end_point(table: _Tags, cycles: list[Cycle], i: int) -> FloatArray:
+    """Return where the tool stands after tag i: after a hole at its retract height."""
+    point: FloatArray = table.points[i]
+    if table.kind[i] == MotionKind.HOLE:
+        point = point + cycles[table.cycle[i]].retract * table.axes[i]
+    return point
+
+
+def _arcs(state: AptState, table: _Tags, records: ArcRecords) -> Arcs:
+    starts = np.full((len(records.tag), 3), np.nan)
+    later = records.tag > 0
+    before = records.tag[later] - 1
+    starts[later] = table.points[before]
+    holes = np.flatnonzero(table.kind[before] == MotionKind.HOLE)
+    if len(holes):
+        rows = np.flatnonzero(later)[holes]
+        starts[rows] = [_end_point(table, state.cycles, int(i)) for i in before[holes]]
+    if state.start is not None:
+        starts[~later] = state.start
+    ends = table.points[records.tag]
+    arcs, closes = arcs_between(records, starts, ends, state.faults)
+    cuts = straight_neighbours(table.points, table.kind, records.tag)
+    if (records.free & (closes == 0)).any():
+        joined = np.diff(records.tag, prepend=-1) == 1
+        joined[:1] = False
+        own_end = table.line[records.tag] == records.line
+        around = Around((starts, ends), cuts, joined, own_end)
+        user = ARC_SENSES[state.options.arc_sense] if state.options.arc_sense else 0
+        told = (user or int(state.dialect.turned_vectors), user)
+        arcs = settled_senses(arcs, closes, records, around, told, state.faults, state.uses)
+    if state.dialect.arc_sense in (ArcSense.WORD, ArcSense.OPEN):
+        against = tangency(arcs, starts, ends, *cuts).sum(axis=1) == -2
+        for row in np.flatnonzero(against).tolist():
+            state.faults.warn(
+                "APT132",
+                "the sense of an arc is against the straight cuts at both of its ends",
+                int(records.line[row]),
+            )
+    return arcs
+
+
+def straight_neighbours(
+    points: FloatArray, kind: IntArray, tags: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the directions of the straight cuts before and after the motions to these tags.
+
+    Returns:
+        two arrays (m, 3) [m], NaN where the neighbour is no straight cut.
+    """
+    n = len(points)
+    before = np.full((len(tags), 3), np.nan)
+    after = np.full((len(tags), 3), np.nan)
+    rows = np.flatnonzero((tags >= 2) & (kind[tags - 1] == MotionKind.LINEAR))
+    rows = rows[kind[tags[rows] - 2] != MotionKind.HOLE]
+    before[rows] = points[tags[rows] - 1] - points[tags[rows] - 2]
+    rows = np.flatnonzero(tags + 1 < n)
+    rows = rows[kind[tags[rows] + 1] == MotionKind.LINEAR]
+    after[rows] = points[tags[rows] + 1] - points[tags[rows]]
+    return before, after
+
+
+def _settle_feeds(table: _Tags, cycles: list[Cycle]) -> None:
+    """Rapids have no feed; a hole has its cycle's feed, else the modal one."""
+    table.feed[table.kind == MotionKind.RAPID] = np.nan
+    if cycles:
+        of_cycle = np.array([cycle.feed for cycle in cycles])[table.cycle]
+        own = (table.cycle >= 0) & ~np.isnan(of_cycle)
+        table.feed[own] = of_cycle[own]
+
+
+def _events(state: AptState, shift: IndexArray) -> tuple[Event, ...]:
+    if not state.splines:
+        return tuple(record.event for record in state.events)
+    return tuple(
+        replace(record.event, index=record.event.index + int(shift[record.splines]))
+        for record in state.events
+    )
+
 
 _UNITS = re.compile(rb"^[ \t]*UNITS?[ \t]*/[ \t]*([A-Z]*)", re.MULTILINE | re.IGNORECASE)
 _INCH_FEEDS = re.compile(rb"\b(IPM|IPR)\b", re.IGNORECASE)

@@ -11,8 +11,7 @@ from postproc.model import WordClass
 from postproc.readers.apt import arctext
 from postproc.readers.apt.arctext import NAN, WrittenArc, numbers_of
 from postproc.readers.apt.dialect import ArcSense, Dialect, EighthField
-from postproc.readers.apt.scan import CIRCLE, GOTO, RAPID, SKIP, Scan
-from postproc.readers.apt.statement import Statement, bounded
+from postproc.readers.apt.statement import CIRCLE, GOTO, RAPID, SKIP, Scan, Statement, bounded
 from postproc.readers.text import Faults
 from postproc.readers.uses import WordUses
 from postproc.records import dataclass
