@@ -20,7 +20,6 @@ from contextlib import suppress
 from typing import Any
 
 from postproc.arrays import FloatArray
-from postproc.controller.advance import STOPPING, AdvanceRun
 from postproc.controller.control import Activation, ControlFlow
 from postproc.controller.flow import Flow, flow_of
 from postproc.controller.library import (
@@ -33,7 +32,7 @@ from postproc.controller.library import (
 )
 from postproc.controller.memory import Memory
 from postproc.controller.motions import Motions
-from postproc.controller.recorder import Recorder
+from postproc.controller.recorder import STOPPING, AdvanceRun, Recorder
 from postproc.controller.runtime import (
     UNKNOWN,
     Variables,

@@ -46,7 +46,7 @@ from collections.abc import Sequence
 from postproc.errors import Finding, Severity
 from postproc.krl.rules.blending import advance_stops, blending
 from postproc.krl.rules.calls import calls
-from postproc.krl.rules.circles import circles, external_axes
+from postproc.krl.rules.circles import circles, external_axes, spline_blocks, status_and_turn
 from postproc.krl.rules.declared import declared
 from postproc.krl.rules.forms import folds, forms
 from postproc.krl.rules.initial import first_motions, frame_numbers, initialised
@@ -54,8 +54,6 @@ from postproc.krl.rules.literals import literals, text, traces
 from postproc.krl.rules.naming import file_names, legal_names
 from postproc.krl.rules.process import spindle, triggers
 from postproc.krl.rules.speeds import speeds
-from postproc.krl.rules.splines import spline_blocks
-from postproc.krl.rules.status import status_and_turn
 from postproc.krl.rules.structure import blocks, declarations, labels, parses
 from postproc.krl.rules.subject import LintOptions, Rule, Subject
 from postproc.krl.rules.system import system_variables

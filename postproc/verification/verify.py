@@ -55,7 +55,7 @@ from postproc.units import DEG, MM
 from postproc.verification.between import check_advance, check_between
 from postproc.verification.cam import CHECKS as CAM_CHECKS
 from postproc.verification.cam import Match, Tolerances, leads_in, match_of
-from postproc.verification.capacity import check_capacity
+from postproc.verification.capacity import check_capacity, check_torques
 from postproc.verification.checks import (
     check_blending,
     check_externals,
@@ -71,7 +71,6 @@ from postproc.verification.report import Played, Remark, Said, VerifyReport, col
 from postproc.verification.run import Cuts, Run
 from postproc.verification.settings import check_rapids, check_settings
 from postproc.verification.spindle import check_spindle
-from postproc.verification.torques import check_torques
 
 _SAME_FRAME = 0.005 * MM
 _SAME_TURN = 0.002 * DEG

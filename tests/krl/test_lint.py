@@ -7,8 +7,8 @@ import pytest
 from postproc.errors import KrlError, Severity
 from postproc.jobs.lint import lint as lint_files
 from postproc.krl.lint import RULES, lint
-from postproc.krl.rules.slips import nearest
 from postproc.krl.rules.subject import LintOptions
+from postproc.krl.rules.values import nearest
 from postproc.krl.system import system_variables
 from postproc.krl.text.parse import load_modules, parse_files
 

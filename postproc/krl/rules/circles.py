@@ -1,4 +1,4 @@
-"""Rows 24, 25: circles that are circles, external axes."""
+"""Rows 12, 24, 25, 31: status and turn as the text shows them, circles, external axes, splines."""
 
 from __future__ import annotations
 
@@ -7,7 +7,23 @@ import numpy as np
 from postproc.arrays import TINY, FloatArray
 from postproc.krl.rules.part import Part, number, position_of
 from postproc.krl.rules.subject import ERROR, WARNING, Subject
-from postproc.krl.text import Statement
+from postproc.krl.text import (
+    Assign,
+    Axes,
+    Blank,
+    Call,
+    Comment,
+    Control,
+    FoldBegin,
+    FoldEnd,
+    Move,
+    Pose,
+    Raw,
+    SplineBegin,
+    SplineEnd,
+    Statement,
+    Trigger,
+)
 
 _LARGEST = 50_000.0
 """Radius [mm] from which on a circle is a straight line badly written."""
@@ -104,3 +120,98 @@ def _values(
     elif len(external) < count:
         message = f"E1 to E{len(external)} only, the controller has {count} external axes"
         subject.add(25, WARNING, path, move.line, message)
+
+
+_QUIET = (Comment, Blank, FoldBegin, FoldEnd, Trigger)
+_BLOCK_WORDS = frozenset({"TIME_BLOCK", "CONST_VEL", "STOP"})
+_SEGMENTS = {"SPLINE": ("SPL", "SLIN", "SCIRC"), "PTP_SPLINE": ("SPTP",)}
+
+
+def spline_blocks(subject: Subject) -> None:
+    """Row 31: only its segments, triggers and times in a spline block, SPL nowhere else."""
+    for part in subject.parts:
+        if part.in_block or part.of(SplineBegin) or any(s.move.word == "SPL" for s in part.steps):
+            _blocks(subject, part)
+
+
+def _blocks(subject: Subject, part: Part) -> None:
+    word = ""
+    for statement in part.routine.statements:
+        if isinstance(statement, SplineBegin):
+            word = statement.word
+        elif isinstance(statement, SplineEnd):
+            word = ""
+        elif isinstance(statement, Move):
+            name = statement.word.value.removesuffix("_REL")
+            if name not in _SEGMENTS[word] if word else name == "SPL":
+                where = f"in a {word} block" if word else "outside a spline block"
+                message = f"{statement.word.value} {where}"
+                subject.add(31, ERROR, part.path, statement.line, message)
+        elif word and not _is_allowed(statement):
+            message = f"{_shown(statement)} in a {word} block: only its segments stand there"
+            hint = "set it WITH a segment or the block, or by a TRIGGER"
+            subject.add(31, ERROR, part.path, statement.line, message, hint)
+
+
+def _is_allowed(statement: Statement) -> bool:
+    if isinstance(statement, Raw):
+        return statement.word in _BLOCK_WORDS
+    return isinstance(statement, _QUIET)
+
+
+def _shown(statement: Statement) -> str:
+    if isinstance(statement, Assign):
+        return f"{statement.target}="
+    if isinstance(statement, Call):
+        return f"{statement.name}( )"
+    if isinstance(statement, Control | Raw):
+        return statement.word
+    return type(statement).__name__.upper().removesuffix("SEC").removesuffix("FOR")
+
+
+_TURNS_OF_ROBOT = 1 << 6
+_TURNS = 1 << 12
+
+
+def status_and_turn(subject: Subject) -> None:
+    """Row 12: S and T are possible and agree about A5; S stays the same on a path."""
+    for path, line, point in subject.points_at(subject.points.more):
+        if isinstance(point, Pose):
+            _one(subject, path, line, point)
+    for part in subject.parts:
+        _chain(subject, part)
+
+
+def _one(subject: Subject, path: str, line: int, pose: Pose) -> None:
+    s, t = pose.status, pose.turn
+    if s is None and t is None:
+        return
+    most = _TURNS if pose.external else _TURNS_OF_ROBOT
+    if (s is not None and not 0 <= s < 32) or (t is not None and not 0 <= t < most):
+        subject.add(12, ERROR, path, line, f"S {s}, T {t}: out of range")
+        return
+    if s is not None and s & 0b01000:
+        subject.add(12, ERROR, path, line, f"S {s}: bit 3 has no meaning on a six-axis robot")
+    if s is not None and s & 0b10000:
+        message = f"S {s}: bit 4 marks a point taught on an absolutely accurate robot"
+        subject.add(12, WARNING, path, line, message)
+    if s is not None and t is not None and (s >> 2 & 1) != (t >> 4 & 1):
+        message = f"S {s} and T {t} contradict each other about the sign of A5"
+        subject.add(12, ERROR, path, line, message)
+
+
+def _chain(subject: Subject, part: Part) -> None:
+    """A path motion keeps the status: another S in its target is ignored by the controller."""
+    status: int | None = None
+    for step in part.steps:
+        target = step.target
+        if step.move.word.is_axis_motion or isinstance(target, Axes):
+            status = target.status if isinstance(target, Pose) else None
+            continue
+        here = target.status if isinstance(target, Pose) else None
+        if here is None:
+            continue
+        if status is not None and here & 0b111 != status & 0b111:
+            message = f"S {here} on a path that began with S {status}: a path keeps its status"
+            subject.add(12, ERROR, part.path, step.move.line, message)
+        status = here if status is None else status

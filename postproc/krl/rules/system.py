@@ -9,8 +9,8 @@ from functools import partial
 from postproc.krl.rules.expressions import nodes_of, settings_of
 from postproc.krl.rules.part import Part, bas
 from postproc.krl.rules.scope import declared_names
-from postproc.krl.rules.slips import nearest
 from postproc.krl.rules.subject import ERROR, WARNING, Subject
+from postproc.krl.rules.values import nearest
 from postproc.krl.system import Effect, bas_commands, components_of, system_variable
 from postproc.krl.system import system_variables as listed_variables
 from postproc.krl.text import Assign, Call, Enum, Expr, Reference, Statement

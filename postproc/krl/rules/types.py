@@ -6,8 +6,8 @@ from functools import partial
 
 from postproc.krl.rules.expressions import nodes_of
 from postproc.krl.rules.scope import COMPONENTS, LANGUAGE_TYPES, Place, Type, names_of
-from postproc.krl.rules.slips import nearest
 from postproc.krl.rules.subject import ERROR, WARNING, Subject
+from postproc.krl.rules.values import nearest
 from postproc.krl.text import (
     Assign,
     Axes,

@@ -6,8 +6,8 @@ found, so their order does not matter.
 
 from collections.abc import Callable, Iterator
 
-from postproc.verification.cam.events import check_dwells, check_events
-from postproc.verification.cam.feeds import check_feeds
+from postproc.verification.cam.events import check_dwells, check_events, check_surplus
+from postproc.verification.cam.feeds import check_approximation, check_feeds, check_joint_speeds
 from postproc.verification.cam.holes import check_holes, check_strokes
 from postproc.verification.cam.leaving import (
     check_leaving,
@@ -23,8 +23,6 @@ from postproc.verification.cam.points import (
     check_passed,
     check_points,
 )
-from postproc.verification.cam.profiles import check_approximation, check_joint_speeds
-from postproc.verification.cam.surplus import check_surplus
 from postproc.verification.cam.ways import check_turns, check_ways
 from postproc.verification.report import Said
 from postproc.verification.run import Run

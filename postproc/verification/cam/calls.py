@@ -21,7 +21,7 @@ from postproc.process import coolant_mode, hole_calls
 from postproc.records import dataclass
 from postproc.units import DEG, RPM
 from postproc.verification.cam.matching import Served
-from postproc.verification.cam.signals import (
+from postproc.verification.cam.states import (
     Asked,
     Pair,
     Paired,

@@ -1,4 +1,7 @@
-"""Whether every motion that cuts has the feed of the CAM file."""
+"""Whether what cuts has the feed of the CAM file, and motions the ends and axis speeds it says.
+
+Ends and axis speeds may be kept to at the first or at the last motion that may be meant by a tag.
+"""
 
 from __future__ import annotations
 
@@ -7,10 +10,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from postproc.arrays import AnyIntArray, BoolArray, FloatArray
+from postproc.controller import Blend
 from postproc.errors import RunKind, Severity
 from postproc.paths import feed_shares
 from postproc.process import FEED_OUT, LOWERED_FROM, LOWERED_TO, TAPS, feeds_of
-from postproc.units import MM_PER_MIN
+from postproc.units import MM, MM_PER_MIN, PERCENT
 from postproc.verification.cam.drilled import NEAR
 from postproc.verification.cam.match import Match
 from postproc.verification.report import Measure, Remark, Said, listed
@@ -80,3 +84,61 @@ def _forced(run: Run, motions: AnyIntArray, share: FloatArray) -> BoolArray:
         np.maximum.at(needed, paths.row, feed_shares(paths, run.cell).max(axis=1))
     now = needed[motions]
     return (share < 1.0) & (now > LOWERED_FROM * share) & (now > LOWERED_TO)
+
+
+_SAME = 1e-3
+"""Shares may differ by this share of them."""
+_DIGITS = 1e-4 * MM
+"""By so much [m] the digits of a text may lengthen an approximation."""
+
+
+def check_approximation(run: Run, match: Match) -> Iterator[Said]:
+    """Yield approximations that are longer than the file allows, or are none of its stops."""
+    trace, tags = run.paths.trace, match.every
+    reach = np.where(trace.blend == Blend.DISTANCE, trace.column("cdis"), np.inf)
+    reach = np.where(trace.blend == Blend.THROUGH, _DIGITS, reach)
+    reach = np.where(trace.blend == Blend.EXACT, 0.0, reach)
+    allowed = np.asarray(tags.toolpath.largest_blend)
+    rows = np.flatnonzero(np.isfinite(allowed) & (tags.first >= 0))
+    least = np.minimum(reach[tags.first[rows]], reach[tags.last[rows]])
+    most = np.where(allowed[rows] > 0.0, allowed[rows] * (1.0 + _SAME) + _DIGITS, 0.0)
+    for place, more in listed(np.flatnonzero(least > most), "tags"):
+        row, way = int(rows[place]), float(least[place])
+        limit = f"{allowed[row] / MM:g} mm at most" if allowed[row] else "an exact stop"
+        text = f"{tags.name(row)}: {_way(way)}, the CAM file asks for {limit}{more}"
+        yield Remark(RunKind.APPROXIMATION, int(tags.first[row]), text)
+
+
+def _way(reach: float) -> str:
+    if np.isinf(reach):
+        return "approximated by nobody knows how much"
+    return "passed without a stop" if reach == _DIGITS else f"approximated by {reach / MM:g} mm"
+
+
+def check_joint_speeds(run: Run, match: Match) -> Iterator[Said]:
+    """Yield joint motions that are faster than the file allows."""
+    trace, tags = run.paths.trace, match.every
+    moves = ~trace.is_cp & ~run.paths.stands
+    share = np.array([max(item.ptp) for item in trace.settings] or [0.0])[trace.setting]
+    asked = np.asarray(tags.toolpath.joint_fraction)
+    rows = np.flatnonzero(np.isfinite(asked) & (tags.first >= 0))
+    before = np.append(-1, np.maximum.accumulate(tags.last))[rows].tolist()
+    fastest = np.array(
+        [
+            _fastest(share, moves, last + 1, int(tags.first[row]))
+            for row, last in zip(rows.tolist(), before, strict=True)
+        ],
+        dtype=np.int64,
+    )
+    bad = (fastest >= 0) & (share[fastest] > asked[rows] * (1.0 + _SAME))
+    for place, more in listed(np.flatnonzero(bad), "tags"):
+        row, motion = int(rows[place]), int(fastest[place])
+        text = f"a joint motion at {share[motion] / PERCENT:g} %, the CAM file asks for "
+        text += f"{asked[row] / PERCENT:g} % at most{more}"
+        yield Remark(RunKind.SPEED, motion, f"{tags.name(row)}: {text}")
+
+
+def _fastest(share: FloatArray, moves: BoolArray, first: int, last: int) -> int:
+    """Return the fastest of the joint motions ``first`` to ``last``, -1 if there is none."""
+    own = first + np.flatnonzero(moves[first : last + 1])
+    return int(own[share[own].argmax()]) if len(own) else -1

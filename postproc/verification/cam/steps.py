@@ -12,7 +12,7 @@ from postproc.controller import EventWord, Trace, TraceEvent
 from postproc.model import Event, ToolPath
 from postproc.process import NUMBER, hole_steps
 from postproc.units import MM, MM_PER_MIN, RPM
-from postproc.verification.cam.signals import Paired, fault
+from postproc.verification.cam.states import Paired, fault
 from postproc.verification.report import AT_MOST
 
 _DIGITS = 1e-3
