@@ -106,9 +106,14 @@ def turned_along(rng, T, count):
     return T[1, :3, :3] @ Rotation.from_rotvec(mixed).as_matrix()
 
 
-@pytest.mark.parametrize("distance", [0.0005, 0.01, 0.06, 0.25])
 @pytest.mark.parametrize(
-    "posture", [(5, -85, 105, 10, 50, 20), (-40, -60, 90, 100, -6, -80), (30, -50, 70, 60, 70, 150)]
+    ("distance", "posture"),
+    [
+        (0.0005, (5, -85, 105, 10, 50, 20)),
+        (0.01, (-40, -60, 90, 100, -6, -80)),
+        (0.06, (-40, -60, 90, 100, -6, -80)),
+        (0.25, (30, -50, 70, 60, 70, 150)),
+    ],
 )
 def test_path_corners_hold_every_polynomial(arm_and_tool, distance, posture):
     """Point and orientation go along polynomials of their own; nothing is outside of the bound."""
