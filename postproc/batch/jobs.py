@@ -35,11 +35,13 @@ class Job:
     """One program to make: ``key`` names it in the manifest.
 
     ``toolpath`` is a section of a large input that was read and cut before; None: read the input.
+    ``paged``: a page that shows it is wanted too.
     """
 
     key: str
     request: ConvertRequest
     toolpath: ToolPath | None = None
+    paged: bool = False
 
 
 def find_inputs(patterns: Sequence[str]) -> list[str]:

@@ -7,7 +7,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import field
+from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,16 +19,22 @@ from postproc.batch.landing import Landing
 from postproc.batch.manifest import Manifest, folder_lock
 from postproc.batch.worker import JobResult
 from postproc.errors import PostprocError
+from postproc.files import write_files
 from postproc.records import dataclass
 
 Progress = Callable[[int, int, int], None]
 """Called with (done, of how many, how many of them failed)."""
+_MARK = 8
+"""Characters that tell pages of inputs of one name apart."""
 _CODE = re.compile(r"warning ([\w-]+):")
 
 
 @dataclass(frozen=True, slots=True)
 class BatchOptions:
-    """How a batch runs; None means no limit, and a worker for each core."""
+    """How a batch runs; None means no limit, and a worker for each core.
+
+    ``pages``: the folder of a page for each input, which ``page_file`` names; None: no pages.
+    """
 
     workers: int | None = None
     dask: str | None = None
@@ -37,6 +43,7 @@ class BatchOptions:
     timeout: float | None = None
     memory: float | None = None
     split: str | None = None
+    pages: Path | None = None
 
 
 @dataclass(slots=True)
@@ -161,10 +168,18 @@ def _convert(
     kept = set(outcome.kept)
     redo = [job for job in work.jobs if job.key not in kept]
     total, failed = len(redo) + len(work.broken), len(work.broken)
+    redo = [replace(job, paged=options.pages is not None) for job in redo]
     for result in execute(redo, options):
+        if options.pages and result.page:
+            write_files({page_file(options.pages, result.key): result.page})
         failed += landing.land(result, marks[result.key]).status != "ok"
         outcome.done.append(result.key)
         progress(len(outcome.done) + len(work.broken), total, failed)
+
+
+def page_file(folder: Path, key: str) -> Path:
+    """Return the file of the page of an input."""
+    return folder / f"{Path(source_of(key)).stem}-{digest(key.encode())[:_MARK]}.html"
 
 
 def cores() -> int:

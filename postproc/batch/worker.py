@@ -25,7 +25,7 @@ class JobResult:
 
     ``status``: ``ok``; ``failed`` (tags fail, nothing written); ``error`` (wrong input);
     ``timeout``, ``memory``, ``crash`` (the worker died). ``errors``, ``warnings``: one line each;
-    the latter are of the program. ``about``: see ``_about``.
+    the latter are of the program. ``about``: see ``_about``. ``page``: the page that shows it.
     """
 
     key: str
@@ -37,6 +37,7 @@ class JobResult:
     tags: int = 0
     cycle_time: float = 0.0
     about: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    page: bytes = b""
 
 
 def run_job(job: Job) -> JobResult:
@@ -74,6 +75,7 @@ def died(job: Job) -> JobResult:
 
 def _convert(job: Job) -> JobResult:
     from postproc.jobs.convert import convert
+    from postproc.jobs.pages import page_of_conversion
 
     request = replace(job.request, cam_lines=job.toolpath is None)
     conversion = convert(request, toolpath=job.toolpath)
@@ -91,6 +93,7 @@ def _convert(job: Job) -> JobResult:
         tags=len(conversion.toolpath),
         cycle_time=round(conversion.plan.cycle_time, 3),
         about=_about(conversion, has_lines=job.toolpath is None),
+        page=page_of_conversion(conversion) if job.paged else b"",
     )
 
 

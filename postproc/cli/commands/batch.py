@@ -21,6 +21,8 @@ from postproc.cli.common import (
 from postproc.cli.ticker import ticker
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from postproc.batch import BatchOptions, BatchOutcome, Job
 
 EPILOG = """\b
@@ -59,7 +61,11 @@ Examples:
 @click.option("--force", is_flag=True, help="Redo everything.")
 @click.option("--prune", is_flag=True, help="Remove outputs whose input is gone.")
 @click.option("--check", is_flag=True, help="Write nothing; compare with what is there.")
-@click.option("--report", metavar="FILE.html", help="A page of all inputs, to open in a browser.")
+@click.option(
+    "--report",
+    metavar="FILE.html",
+    help="A page of all inputs, with one of each in the folder FILE beside it.",
+)
 @click.option("--junit", metavar="FILE.xml", help="Write the outcome as JUnit XML.")
 @standard_options
 def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
@@ -91,6 +97,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         timeout=options["timeout"],
         memory=options["memory"],
         split=options["split"],
+        pages=_pages(options["report"]),
     )
     jobs, remarks = call_of(options["inputs"], base, limits, options["config"])
     for remark in remarks:
@@ -124,7 +131,7 @@ def _run(
     if junit:
         write_files({Path(junit): junit_xml(document["entries"])})
     if report:
-        write_files({Path(report): batch_page(document)})
+        write_files({Path(report): batch_page(document, _links(Path(report), document["entries"]))})
     for key in outcome.bad:
         for line in document["entries"][key]["errors"][:3]:
             session.error(line)
@@ -135,6 +142,21 @@ def _run(
     session.document(document)
     _summary(session, outcome)
     return answer(outcome.good)
+
+
+def _pages(report: str | None) -> Path | None:
+    """Return the folder of the pages of the inputs: beside the page of the batch."""
+    return None if report is None else Path(report).with_suffix("")
+
+
+def _links(report: Path, keys: Iterable[str]) -> dict[str, str]:
+    """Return the addresses of the inputs' own pages, seen from the page of the batch."""
+    from urllib.parse import quote
+
+    from postproc.batch import page_file
+
+    pages = {key: page_file(report.with_suffix(""), key) for key in keys}
+    return {k: quote(f"{p.parent.name}/{p.name}") for k, p in pages.items() if p.is_file()}
 
 
 def _summary(session: Session, outcome: BatchOutcome) -> None:

@@ -11,20 +11,26 @@ _SHOWN = 3
 """So many errors of an input stand in the table; the manifest has all."""
 
 
-def batch_page(document: Mapping[str, Any]) -> bytes:
-    """Return the page of a ``postproc.batch_result/1`` document as one self-contained file."""
+def batch_page(document: Mapping[str, Any], links: Mapping[str, str] | None = None) -> bytes:
+    """Return the page of a batch as one self-contained file.
+
+    Args:
+        document: ``postproc.batch_result/1``.
+        links: from the key of an input to the address of its own page, where it has one.
+    """
     entries: Mapping[str, Mapping[str, Any]] = document["entries"]
     failed = [key for key, entry in entries.items() if entry["status"] != "ok"]
     good = [key for key in entries if key not in set(failed)]
     count = f"{len(good)} of {len(entries)} inputs have a program that passed every check"
-    page = Page("Batch", [f"{count}, {len(failed)} failed." if failed else f"{count}."])
+    lead = [f"{count}, {len(failed)} failed." if failed else f"{count}."]
+    page = Page("Batch", lead, good=not failed)
     if failed:
         rows = [(key, _errors(entries[key])) for key in failed]
-        page.section("Failed", table(("input", "why"), rows), "wide")
+        page.section("Failed", table(("input", "why"), rows, links or {}))
     rows_good = [_row(key, entries[key]) for key in good]
     head = ("input", "program", "tags", "cycle time [s]", "warnings")
-    body = table(head, rows_good) if good else "<p>none</p>"
-    page.section("Programs", f'<div class="scroll">{body}</div>', "wide")
+    body = table(head, rows_good, links or {}) if good else "<p>none</p>"
+    page.section("Programs", body)
     return page.render()
 
 
