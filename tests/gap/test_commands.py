@@ -42,7 +42,7 @@ def test_diagnose_prints_one_document_and_writes_page_and_model(rows, tmp_path, 
     assert document["where"]["conditions"][0]["name"] == "load"
     assert document["residual"]["explained_share"] > 0.98
     page = (out / "report.html").read_text()
-    assert "<svg" in page
+    assert "data-chart" in page
     assert "http://" not in page.replace("http://www.w3.org", "")
     predicted = tmp_path / "p.csv"
     model = ["--model", str(out / "model.toml")]

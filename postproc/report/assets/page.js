@@ -1,4 +1,4 @@
 // The script of pages with nothing but text, pictures and tables.
-import { sortTables } from "./tables.js";
+import { dress } from "./dress.js";
 
-sortTables();
+dress();

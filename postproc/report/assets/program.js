@@ -1,7 +1,7 @@
 // The page of a program, or of the run of one.
 import { pageData } from "./data.js";
 import { ProgramView } from "./program_view.js";
-import { sortTables } from "./tables.js";
+import { dress } from "./dress.js";
 
-sortTables();
+dress();
 window.ppPage = new ProgramView(pageData());

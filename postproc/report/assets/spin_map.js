@@ -2,7 +2,7 @@
 import { pageData, unpack } from "./data.js";
 import { byId } from "./dom.js";
 import { tagAndSpin, wordsOf } from "./spin_cells.js";
-import { sortTables } from "./tables.js";
+import { dress } from "./dress.js";
 
 const data = pageData();
 const map = {
@@ -13,7 +13,7 @@ const map = {
   lines: unpack(data.lines),
 };
 
-sortTables();
+dress();
 byId("map").addEventListener("mousemove", ({ clientX, clientY, currentTarget }) => {
   const frame = currentTarget.getBoundingClientRect();
   const scale = map.width / frame.width;

@@ -1,5 +1,6 @@
 """What pages are put together from."""
 
+from postproc.report.parts.charts import Series, bar_chart, line_chart, space_view
 from postproc.report.parts.glance import (
     doubt,
     how_far,
@@ -9,7 +10,7 @@ from postproc.report.parts.glance import (
     which,
 )
 from postproc.report.parts.headline import headline
-from postproc.report.parts.page import Page, escape, packed, packed_text, table
+from postproc.report.parts.page import Page, escape, finding_rows, packed, packed_text, table
 from postproc.report.parts.program_text import ProgramText
 from postproc.report.parts.rows_view import RowsView, add_rows
 from postproc.report.parts.scene_data import (
@@ -22,6 +23,5 @@ from postproc.report.parts.scene_data import (
     scene_data,
 )
 from postproc.report.parts.spin_map_picture import CLASS_COLOURS, CLASS_WORDS, Picture, draw
-from postproc.report.parts.svg import Series, bar_chart, line_chart, space_view
 from postproc.report.parts.tag_values import TagColumn, tag_columns
 from postproc.report.parts.texts import cam_lines, unix_text
