@@ -15,16 +15,17 @@ from postproc.errors import RunKind
 from postproc.jobs.check_cell import CellCheck
 from postproc.jobs.convert import Conversion
 from postproc.jobs.drawing import drawing_of
+from postproc.jobs.simulated_path import setups_of
 from postproc.jobs.trade import HEAD
 from postproc.kinematics import build, wrist_distance
 from postproc.model import ToolPath
 from postproc.paths import Paths
-from postproc.planning import FailingPose, colliding_pose, plan_maps
+from postproc.planning import FailingPose, colliding_pose, near_solids, plan_maps
 from postproc.report.pages.cell import Stance, cell_page
 from postproc.report.pages.program import lead, program_data, program_page
 from postproc.report.pages.verify import MOST_ROWS, RunMaps, texts_by_motion, verify_page
 from postproc.report.pages.workbench import page_json
-from postproc.report.parts import ProgramText, tag_columns, unix_text
+from postproc.report.parts import ProgramText, finding_rows, tag_columns, unix_text
 from postproc.units import DEG
 from postproc.verification import VerifyReport
 
@@ -53,7 +54,11 @@ def workbench_data(conversion: Conversion) -> bytes:
     text = program_text(conversion.files, conversion.read)
     columns = tag_columns(plan, cell, maps, text)
     data = program_data(plan, drawing_of(cell, every=True), maps, findings, text, columns)
-    data["lead"] = lead(plan, maps, columns, findings)
+    data |= {
+        "findings": finding_rows(findings),
+        "lead": lead(plan, maps, columns, findings),
+        "causes": [cause.to_dict() for cause in conversion.causes],
+    }
     return page_json(data)
 
 
@@ -77,14 +82,16 @@ def page_of_cell(checked: CellCheck) -> bytes:
     home = cell.motion.home
     q = _upright(cell) if home is None else np.asarray(home)
     colliding: list[tuple[tuple[str, ...], ...]] = []
+    clearance = np.inf
     for tool in range(len(cell.tools)):
-        scenes = (
+        scenes = [
             Scene.shared(cell.with_tool(tool, base), kinematics) for base in range(len(cell.bases))
-        )
+        ]
         checks = [scene.check(q[None]) for scene in scenes]
+        clearance = min(clearance, *(float(scene.clearance(q[None])[0]) for scene in scenes))
         found = [hits.pairs[int(hits.pair[0])] if hits.hit[0] else () for hits in checks]
         colliding.append(tuple(() if home is None else pair for pair in found))
-    stance = Stance(q, kinematics.fk(q), tuple(colliding))
+    stance = Stance(q, kinematics.fk(q), tuple(colliding), clearance)
     return cell_page(drawing_of(cell, every=True), stance, checked.facts, checked.findings)
 
 
@@ -105,7 +112,8 @@ def page_of_verification(
         raise ValueError("a report without its run cannot be shown")
     paths, texts = report.run.paths, texts_by_motion(report)
     margin, wrist = _margins(paths, cell)
-    maps = RunMaps(margin, wrist, texts, _poses(paths, cell, texts))
+    near = _nearest(paths, cell) if report.collisions_checked else np.nan
+    maps = RunMaps(margin, wrist, texts, _poses(paths, cell, texts), near)
     return verify_page(report, drawing_of(cell, every=True), maps, toolpath)
 
 
@@ -125,6 +133,17 @@ def _margins(paths: Paths, cell: Cell) -> tuple[FloatArray, FloatArray]:
     limit = np.minimum(q - robot.q_min, robot.q_max - q).min(axis=1, initial=np.inf)
     wrist = np.asarray(wrist_distance(build(robot), q))
     return least_by(limit, row, len(paths)), least_by(wrist, row, len(paths))
+
+
+def _nearest(paths: Paths, cell: Cell) -> float:
+    """Return the smallest distance [m] of solids at the ends of motions, NaN without any near."""
+    most, least = near_solids(cell), np.inf
+    known = np.asarray(np.isfinite(paths.q).all(axis=1))
+    for rows, here in setups_of(paths, cell, np.arange(len(paths))):
+        ends = np.hstack([paths.q, paths.external])[rows[known[rows]]]
+        found = Scene.shared(here, build(cell.robot)).clearance(ends, True, most)
+        least = min(least, float(found.min(initial=np.inf)))
+    return least if least < most else np.nan
 
 
 def _poses(paths: Paths, cell: Cell, texts: Mapping[int, list[str]]) -> dict[int, FailingPose]:

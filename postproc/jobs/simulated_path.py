@@ -180,7 +180,7 @@ def _clearance(report: VerifyReport, cell: Cell, steps: _Steps) -> FloatArray:
     if not report.collisions_checked or report.run is None:
         return result
     known = np.asarray(np.isfinite(steps.q).all(axis=1))
-    for rows, here in _setups(report.run.paths, cell, steps.row):
+    for rows, here in setups_of(report.run.paths, cell, steps.row):
         rows = rows[known[rows]]
         poses = np.hstack([steps.q, steps.external])[rows]
         found = Scene.shared(here, build(cell.robot)).clearance(poses, True)
@@ -189,7 +189,7 @@ def _clearance(report: VerifyReport, cell: Cell, steps: _Steps) -> FloatArray:
     return result
 
 
-def _setups(paths: Paths, cell: Cell, row: AnyIntArray) -> Iterator[tuple[AnyIntArray, Cell]]:
+def setups_of(paths: Paths, cell: Cell, row: AnyIntArray) -> Iterator[tuple[AnyIntArray, Cell]]:
     """Yield the steps of every tool in every base, and the cell with these in work."""
     own = np.stack([paths.station.tool, paths.station.base], axis=1)[row]
     for tool, base in np.unique(own, axis=0).tolist():

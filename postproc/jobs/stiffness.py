@@ -24,6 +24,7 @@ class SpinStiffness(Paged):
     """Curves of a toolpath's tags, what joint stiffness they rest on in words, and findings."""
 
     toolpath: ToolPath
+    cell: Cell
     curves: SpinCurves
     words: str
     findings: tuple[Finding, ...]
@@ -73,9 +74,11 @@ class SpinStiffness(Paged):
 
     def page(self) -> bytes:
         """Return the page with the curves: one HTML file that opens offline."""
+        from postproc.jobs.drawing import drawing_of
         from postproc.report.pages.stiffness import stiffness_page
 
-        return stiffness_page(self.curves, self.toolpath.name, self.words)
+        points, drawing = self.toolpath.points[self.curves.tags], drawing_of(self.cell)
+        return stiffness_page(self.curves, points, self.toolpath.name, self.words, drawing)
 
 
 def stiffness(
@@ -106,7 +109,7 @@ def stiffness(
     curves = spin_curves(toolpath, cell, _tags(tags, toolpath), step, most)
     claims = claimed(toolpath, cell)
     findings = (*word_findings(claims.toolpath), *claims.findings)
-    return SpinStiffness(toolpath, curves, words, findings)
+    return SpinStiffness(toolpath, cell, curves, words, findings)
 
 
 def _with_model(path: str, cell: Cell) -> tuple[Cell, str]:

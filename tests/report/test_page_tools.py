@@ -1,6 +1,9 @@
 """Findings, list and charts of a page answer: filters, search, pointer, zoom; a dark scheme."""
 
+from postproc.cli import app
 from postproc.report.pages.batch import batch_page
+from tests.places import PANEL
+from tests.report.conftest import panel_cell
 
 READY = "window.ppPage && ppPage.state().ready"
 
@@ -10,6 +13,11 @@ def choose(page, selector, value, event="input"):
         f"(() => {{ const e = document.querySelector('{selector}'); e.value = '{value}';"
         f" e.dispatchEvent(new Event('{event}')); }})()"
     )
+
+
+def press(page, key):
+    for kind in ("keyDown", "keyUp"):
+        page.call("Input.dispatchKeyEvent", type=kind, key=key)
 
 
 def test_the_list_is_searched_and_filtered(browser, holes):
@@ -25,6 +33,11 @@ def test_the_list_is_searched_and_filtered(browser, holes):
         choose(browser, "#state", state, "change")
         counts.append(browser.run("ppPage.state().rows"))
     assert sum(counts) == browser.run("ppPage.state().tags")
+    choose(browser, "#state", "", "change")
+    browser.run("(document.querySelector('#list').focus(), ppPage.select(3), 1)")
+    press(browser, "ArrowDown")
+    assert browser.run("ppPage.state().shown") == 4
+    assert browser.run("document.querySelector('header p.lead').className") == "lead good"
     lead = browser.run("document.querySelector('header').textContent")
     assert f"{counts[0]} good, {counts[1]} acceptable, {counts[2]} critical" in lead
     assert "Good: 24 tags" in lead
@@ -55,7 +68,9 @@ def test_charts_answer_the_pointer(browser, holes):
     )
     browser.mouse(("mouseMoved", x + width / 2, y))
     browser.wait("document.querySelector('#angles .tip').textContent.includes('A6')")
-    ticks = "[...document.querySelectorAll('#angles text')].map(e => e.textContent).join()"
+    ticks = (
+        "[...document.querySelectorAll('#angles text:not(.tip)')].map(e => e.textContent).join()"
+    )
     before = browser.run(ticks)
     wheel = {"x": x + width / 2, "y": y, "deltaX": 0, "deltaY": -200, "modifiers": 2}
     browser.call("Input.dispatchMouseEvent", type="mouseWheel", **wheel)
@@ -63,6 +78,13 @@ def test_charts_answer_the_pointer(browser, holes):
     browser.run(
         "document.querySelector('#angles svg').dispatchEvent(new MouseEvent('dblclick')) || 1"
     )
+    assert browser.run(ticks) == before
+    steps = [("mouseMoved", x + width * (0.4 + 0.05 * k), y) for k in range(5)]
+    browser.mouse(("mousePressed", x + width * 0.4, y), *steps, ("mouseReleased", *steps[-1][1:]))
+    assert browser.run(ticks) != before
+    browser.run("(document.querySelector('#angles svg').focus(), 1)")
+    press(browser, "0")
+    assert browser.run(ticks) == before
     browser.run("(document.querySelector('#angles a.export').click(), 1)")
     link = browser.run("document.querySelector('#angles a.export').href")
     text = browser.run(f"fetch({link!r}).then((answer) => answer.text())")
@@ -104,12 +126,40 @@ def test_a_dark_scheme_is_readable(browser, holes):
         browser.call("Emulation.setEmulatedMedia", features=[])
 
 
+def test_what_an_arm_misses_is_drawn_and_a_rail_under_it(browser, tmp_path):
+    """The words beside the line say the distance from the tool's point to the tag."""
+    far = panel_cell(replacing=[("xyz_mm = [2050,", "xyz_mm = [3300,")])
+    rail = '[[external_axes]]\nname = "E1"\nkind = "rail"\naxis = "+x"\nrange_mm = [-10, 10]\n'
+    (tmp_path / "cell.toml").write_text(far)
+    lines = (PANEL / "panel.csv").read_text().splitlines()
+    (tmp_path / "hole.csv").write_text("\n".join([lines[0], lines[80]]) + "\n")
+    cell, page = str(tmp_path / "cell.toml"), tmp_path / "page.html"
+    call = ["convert", str(tmp_path / "hole.csv"), "--cell", cell, "-q", "-o", str(tmp_path / "o")]
+    assert app.run([*call, "--report", str(page)]) == 1
+    browser.open(page, READY)
+    words = browser.run("document.querySelector('.gap').textContent")
+    state = browser.run("ppPage.state()")
+    tag = browser.run("ppPage.scene.inWorld(ppPage.data.point(0))")
+    off = sum((a - b) ** 2 for a, b in zip(state["toolTip"], tag, strict=True)) ** 0.5 * 1e3
+    assert off > 10.0
+    assert words == f"{off:.0f} mm missing"
+    (tmp_path / "cell.toml").write_text(f"{far}\n{rail}speed_mm_s = 500\n")
+    assert app.run(["check", cell, "-q", "--report", str(page)]) == 0
+    browser.open(page, READY)
+    assert "rail E1" in browser.run("ppPage.state().solids")
+    slide = "(e => { e.value = 10; e.dispatchEvent(new Event('input')); })"
+    browser.run(f"{slide}(document.querySelector('#axis7')) || 1")
+    browser.call("Page.reload")
+    browser.wait("window.ppPage && ppPage.state().values[6] > 0.0099")
+
+
 def test_a_batch_leads_with_what_failed():
     entries = {
         "a.csv": {"status": "ok", "program": "A", "tags": 3, "cycle_time_s": 12.34, "errors": []},
         "<b>.csv": {"status": "failed", "errors": [f"b.csv:{k}: error X: no" for k in range(5)]},
     }
-    text = batch_page({"entries": entries}).decode()
+    text = batch_page({"entries": entries}, {"a.csv": "a%20b.html"}).decode()
+    assert '<a href="a%20b.html">a.csv</a>' in text
     assert "1 of 2 inputs have a program that passed every check, 1 failed." in text
     assert "&lt;b&gt;.csv" in text
     assert "and 2 more" in text

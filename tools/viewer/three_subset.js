@@ -5,6 +5,7 @@ export {
   BufferGeometry,
   Color,
   ConeGeometry,
+  CylinderGeometry,
   DirectionalLight,
   DoubleSide,
   Float32BufferAttribute,

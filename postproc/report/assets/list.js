@@ -43,6 +43,9 @@ export class RowList {
     this.#host.addEventListener("scroll", () => this.#fill());
     window.onbeforeprint = () => this.#print(true);
     window.onafterprint = () => this.#print(false);
+    this.#host.tabIndex = 0;
+    this.#host.setAttribute("aria-label", `${options.what}s: up and down select`);
+    this.#host.addEventListener("keydown", (event) => this.#key(event));
     byId("failing")?.addEventListener("change", () => this.#filter(0));
     byId("search")?.addEventListener("input", () => this.#filter(0));
     const states = byId("state");
@@ -69,6 +72,16 @@ export class RowList {
     const to = scrollTo(this.#visible.indexOf(i), scrollTop, clientHeight);
     if (to !== scrollTop) this.#host.scrollTop = to;
     this.#fill();
+  }
+
+  // up and down select the row before and after
+  #key(event) {
+    const by = { ArrowUp: -1, ArrowDown: 1 }[event.key];
+    if (!by || event.target !== this.#host) return;
+    event.preventDefault();
+    const at = this.#visible.indexOf(this.#marked);
+    const to = this.#visible[Math.max(0, Math.min(this.#visible.length - 1, at + by))];
+    if (to !== undefined) this.#options.select(to);
   }
 
   #addHead(k) {

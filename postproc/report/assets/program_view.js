@@ -12,23 +12,12 @@ import { openScene } from "./scene.js";
 import { camLines, linesNear, linesOfMoves, markMove, showLines } from "./source.js";
 import { showSpins, SpinMap } from "./spins.js";
 import { trail } from "./trail.js";
-import { origin, robotAndPart } from "./views.js";
+import { corners, origin, robotAndPart } from "./views.js";
 
 const FAILING = [1, 0, 0];
 const NO_VALUE = [0.55, 0.55, 0.55];
 const RAPID = [0.8, 0.72, 0.55];
 const OTHER_MOVE = [0.3, 0.4, 0.5];
-
-// two corners of the box around points
-function corners(points) {
-  if (!points.length) return [];
-  const [low, high] = [[...points.subarray(0, 3)], [...points.subarray(0, 3)]];
-  points.forEach((v, k) => {
-    low[k % 3] = Math.min(low[k % 3], v);
-    high[k % 3] = Math.max(high[k % 3], v);
-  });
-  return [low, high];
-}
 
 // What the page's data say of moves and tags, unpacked.
 class ProgramData {
@@ -195,9 +184,6 @@ export class ProgramView {
     });
     const { findings } = this.data;
     if (findings) showFindings(byId("findings"), findings, (tag) => this.select(tag));
-    for (const row of document.querySelectorAll("#findings tr[data-goto]")) {
-      row.addEventListener("click", () => this.select(+row.dataset.goto));
-    }
   }
 
   // ---- scene ----------------------------------------------------------------------------------
@@ -246,6 +232,7 @@ export class ProgramView {
     this.#angles = q.slice();
     this.scene.work(...frames);
     this.scene.place(this.#angles);
+    this.scene.miss(this.#shown >= 0 ? this.data.point(this.#shown) : null);
     this.#highlight(pair, point);
   }
 
@@ -259,6 +246,7 @@ export class ProgramView {
     this.#current = move;
     if (data.moves) {
       this.#angles = anglesAt(data.q, data.time, move, clock);
+      scene.miss(null);
       this.#highlight([]);
       if (data.frame.length) scene.work(...data.frames[data.frame[move]]);
       if (data.station.length) scene.stand(...data.stations[data.station[move]]);

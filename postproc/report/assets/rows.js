@@ -1,13 +1,14 @@
 // Pages of rows in space: points with values, arrows, and the robot in the posture of a row.
-import { valueColours } from "./colours.js";
+import { lineChart } from "./chart.js";
+import { LINE_COLOURS, valueColours } from "./colours.js";
 import { pageData, unpack, unpackColumns } from "./data.js";
 import { byId } from "./dom.js";
 import { onColourChoice, showLegend } from "./legend.js";
 import { columnField, RowList } from "./list.js";
 import { spell } from "./numbers.js";
 import { openScene } from "./scene.js";
-import { sortTables } from "./tables.js";
-import { origin, robotAndPart } from "./views.js";
+import { dress } from "./dress.js";
+import { corners, origin, robotAndPart } from "./views.js";
 
 const NO_VALUE = [0.6, 0.6, 0.6];
 const ARROW = [0.35, 0.1, 0.55];
@@ -29,7 +30,8 @@ function look() {
   const middle = scene.inWorld(centre);
   if (data.robot) {
     scene.addFloor();
-    scene.look(robotAndPart(origin(data.robot.T_world_robroot), middle, radius));
+    const { from } = robotAndPart(origin(data.robot.T_world_robroot), middle, radius);
+    scene.fit(corners(points), from);
   } else {
     scene.look({ centre: middle, radius: 1.3 * radius, from: [-0.5, -0.8, 0.5] });
   }
@@ -67,6 +69,27 @@ function select(i) {
     scene.place(angles);
   }
   scene.point(points.subarray(3 * i, 3 * i + 3), 1.8 * markSize);
+  if (data.curves) showCurves(i);
+}
+
+// the curves of a row over the spin; what cannot be run is dashed
+function showCurves(i) {
+  const { spins: x, charts, values } = data.curves;
+  const of = (all) => Array.from(all.subarray(i * x.length, (i + 1) * x.length));
+  const blocked = of(unpack(data.curves.blocked));
+  charts.forEach((drawn, k) => {
+    const series = drawn.flatMap((name, c) => {
+      const y = of(unpack(values[name]));
+      const colour = LINE_COLOURS[c];
+      const free = y.map((v, s) => (blocked[s] ? NaN : v));
+      return [
+        { name: "", x, y, colour, dash: "2 4" },
+        { name, x, y: free, colour, dots: true },
+      ];
+    });
+    const xLabel = "rotation about the tool axis [deg]; dashed: cannot be run";
+    lineChart(byId(`curve${k}`), { series, xLabel, yLabel: "N/mm" });
+  });
 }
 
 function state() {
@@ -77,14 +100,13 @@ function state() {
   };
 }
 
-sortTables();
+dress();
 const scene = openScene(byId("scene"), data);
 const marks = scene.addMarks(points, null, markSize, select);
 const fields = [[what, (i) => names[i]], ...columns.map(columnField)];
 if (notes) fields.push(["finding", (i) => notes[i] || null]);
 const list = new RowList({ n: names.length, what, fields, failed: () => "", select });
 
-look();
 const slider = byId("stretch");
 if (slider) {
   slider.addEventListener("input", () => stretch(10 ** +slider.value));
@@ -92,5 +114,6 @@ if (slider) {
 }
 onColourChoice(columns, paint);
 if (names.length) select(0);
+look();
 
 window.ppPage = { select, state };

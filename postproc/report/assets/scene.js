@@ -20,6 +20,7 @@ import {
 import { Arm } from "./arm.js";
 import { lineSegments, pointMarks } from "./marks.js";
 import { Solids } from "./solids.js";
+import { Tips } from "./tips.js";
 import { viewOf } from "./views.js";
 
 const CLICK = 4; // px that the mouse may move between press and release
@@ -30,9 +31,7 @@ const NEARER = 1.15;
 const MEETING = 0.025; // m
 const PINK = 0xe91e63;
 const YELLOW = 0xffd600;
-const TIP = 0.008; // m
 const FILLED = 0.94; // share of the view
-const TOOL = [0.05, 0.1, 0.15];
 
 class SceneView {
   #host;
@@ -47,7 +46,7 @@ class SceneView {
   #meeting;
   #asked = false;
   #fitted = null;
-  #tips = [];
+  #tips = null;
   #removals = [];
 
   constructor(host, renderer, { robot, bodies = [] }) {
@@ -77,7 +76,7 @@ class SceneView {
     this.#scene.add(this.#meeting);
     if (robot) {
       this.#arm = new Arm(robot);
-      this.#addTips(robot);
+      this.#tips = new Tips(robot, this.#scene, host);
       this.stand(robot.T_world_robroot, robot.T_world_base);
     }
     window.addEventListener("resize", () => this.#resize());
@@ -99,33 +98,21 @@ class SceneView {
     if (!this.#arm) return;
     this.#arm.place(angles);
     this.#solids.carry(this.#arm.frames);
-    for (const tip of this.#tips) tip.matrix.copy(this.#arm.frames.at(-1));
+    this.#tips.carry(this.#arm.frames.at(-1));
     this.#draw();
   }
 
   // shows the solids of one tool and what stands there in one base (their places in the cell)
   work(tool, base) {
     this.#solids.work(tool, base);
-    this.#tips.forEach((tip, k) => (tip.visible = k === tool));
+    this.#tips?.work(tool);
     this.#draw();
   }
 
-  // the line from the flange to the tool point, of each tool
-  #addTips({ tips = [], tool = 0 }) {
-    this.#tips = tips.map((tip, k) => {
-      const { lines, paint } = lineSegments([0, 0, 0, ...tip]);
-      paint(() => TOOL);
-      const ball = this.#addBall(PINK, {});
-      ball.scale.setScalar(TIP);
-      ball.position.set(...tip);
-      const group = new Group();
-      group.matrixAutoUpdate = false;
-      ball.visible = true;
-      group.add(lines, ball);
-      group.visible = k === tool;
-      this.#scene.add(group);
-      return group;
-    });
+  // draws what is missing from the tool to a point of the workpiece; null: nothing
+  miss(point) {
+    this.#tips?.miss(point && this.inWorld(point));
+    this.#draw();
   }
 
   // the frame of a link in the world
@@ -149,9 +136,14 @@ class SceneView {
 
   // a point of the world in the window [px]
   pixel(point) {
-    const { x, y } = new Vector3(...point).project(this.#camera);
     const box = this.#renderer.domElement.getBoundingClientRect();
-    return [box.left + ((x + 1) / 2) * box.width, box.top + ((1 - y) / 2) * box.height];
+    const [x, y] = this.#inView(point);
+    return [box.left + x, box.top + y];
+  }
+
+  #inView(point) {
+    const { x, y } = new Vector3(...point).project(this.#camera);
+    return [((x + 1) / 2) * this.#host.clientWidth, ((1 - y) / 2) * this.#host.clientHeight];
   }
 
   // names of the solids that are shown
@@ -179,8 +171,7 @@ class SceneView {
 
   // the point of the tool that is shown in the world, null where there is none
   get toolTip() {
-    const shown = this.#tips.find(({ visible }) => visible);
-    return shown ? shown.children[1].position.clone().applyMatrix4(shown.matrix).toArray() : null;
+    return this.#tips?.point ?? null;
   }
 
   // a point of the workpiece in the world
@@ -350,6 +341,7 @@ class SceneView {
     requestAnimationFrame(() => {
       this.#asked = false;
       this.#renderer.render(this.#scene, this.#camera);
+      this.#tips?.label((point) => this.#inView(point));
     });
   }
 
@@ -367,6 +359,7 @@ class SceneView {
 export const NO_SCENE = {
   stand() {},
   place() {},
+  miss() {},
   work() {},
   solids: [],
   highlight() {},

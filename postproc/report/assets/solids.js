@@ -14,6 +14,7 @@ const COLOURS = {
   cutting: 0x37474f,
   workpiece: 0x9fb8cf,
   obstacle: 0xb0a18f,
+  rail: 0x8a949e,
 };
 const OTHER = 0x999999;
 const COLLIDING = 0xd32f2f;

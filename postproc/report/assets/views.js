@@ -70,3 +70,14 @@ export function viewOf(points, from, vertical, horizontal) {
   }
   return { target, distance: far };
 }
+
+// corners of the box around points
+export function corners(points) {
+  if (!points.length) return [];
+  const ends = [[...points.subarray(0, 3)], [...points.subarray(0, 3)]];
+  points.forEach((v, k) => {
+    ends[0][k % 3] = Math.min(ends[0][k % 3], v);
+    ends[1][k % 3] = Math.max(ends[1][k % 3], v);
+  });
+  return Array.from({ length: 8 }, (_, k) => [0, 1, 2].map((j) => ends[(k >> j) & 1][j]));
+}

@@ -8,22 +8,25 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.cell import Cell, Tool, Workpiece
+from postproc.cell import Cell, ExternalAxis, Tool, Workpiece
 from postproc.errors import Finding, Severity
 from postproc.records import dataclass
 from postproc.report.parts import Drawing, Page, escape, scene_data, table
+from postproc.units import DEG, MM
 
 
 @dataclass(frozen=True, slots=True)
 class Stance:
     """How the robot stands: q (6,) [rad], flange (4, 4) in robroot.
 
-    ``colliding``: for each tool and each base the solids that collide there.
+    ``colliding``: for each tool and each base the solids that collide there; ``clearance`` [m]: the
+    smallest of any tool and base, inf where nothing is near.
     """
 
     q: FloatArray
     T_robroot_flange: FloatArray
     colliding: tuple[tuple[tuple[str, ...], ...], ...]
+    clearance: float
 
 
 def cell_page(
@@ -41,7 +44,8 @@ def cell_page(
         findings: findings.
     """
     cell = drawing.cell
-    page = Page(f"Cell {cell.name}", _lead(cell, findings))
+    good = not any(finding.is_error for finding in findings)
+    page = Page(f"Cell {cell.name}", _lead(cell, findings, stance), good=good)
     page.data |= scene_data(drawing)
     page.script = "cell.js"
     T_world_robroot = np.asarray(cell.robot.T_world_robroot)
@@ -51,10 +55,9 @@ def cell_page(
         *(("base", T_world_robroot @ base.T_robroot_base) for base in cell.bases),
         *(("tcp", T_world_flange @ tool.T_flange_tcp) for tool in cell.tools),
     ]
-    T_world_tcp = frames[-1][1]
     page.data |= {
         "home": [float(v) for v in stance.q],
-        "reach": float(np.linalg.norm(T_world_tcp[:3, 3] - T_world_robroot[:3, 3])),
+        "externals": [_external(axis) for axis in cell.external_axes],
         "colliding": [[list(pair) for pair in row] for row in stance.colliding],
         "frames": [{"name": n, "matrix": [float(v) for v in T.ravel()]} for n, T in frames],
     }
@@ -62,8 +65,9 @@ def cell_page(
     note = f'<p class="soft">The robot {where}; axes of robot root, base and tool: x red, y green, '
     shown = f'<div id="scene"></div>{_choices(cell)}{note}z blue.</p>'
     page.section("The cell", shown, "wide")
-    page.section("Axes", '<div id="axes"></div>', "third")
-    page.section("Findings", _findings(findings), "half")
+    keys = '<p class="soft">as keys of the cell: <code id="keys"></code></p>'
+    page.section("Axes", f'<div id="axes"></div>{keys}', "third")
+    page.findings(findings)
     page.section("What it is", table(("", ""), _facts(_each_once(facts))), "half")
     return page.render()
 
@@ -97,29 +101,31 @@ def _each_once(facts: Mapping[str, Any]) -> dict[str, Any]:
     return result
 
 
-def _lead(cell: Cell, findings: Sequence[Finding]) -> list[str]:
+def _external(axis: ExternalAxis) -> dict[str, Any]:
+    """Return an external axis for the page's scripts, in m or rad."""
+    return {
+        "name": axis.name,
+        "turns": axis.kind == "positioner",
+        "limits": [float(axis.q_min), float(axis.q_max)],
+        "axis": np.asarray(axis.axis).tolist(),
+        "point": np.asarray(axis.T_world_axis)[:3, 3].tolist(),
+    }
+
+
+def _lead(cell: Cell, findings: Sequence[Finding], stance: Stance) -> list[str]:
     errors = sum(finding.severity is Severity.ERROR for finding in findings)
     warnings = sum(finding.severity is Severity.WARNING for finding in findings)
     if errors:
         first = next(finding for finding in findings if finding.severity is Severity.ERROR)
         return [f"This cell cannot work as it is: {first.message}."]
+    where = "at home" if cell.motion.home is not None else "upright"
+    margin = np.minimum(stance.q - cell.robot.q_min, cell.robot.q_max - stance.q).min()
+    near = f"clearance {stance.clearance / MM:.1f} mm, " if np.isfinite(stance.clearance) else ""
+    stands = f"Robot {cell.robot.name}, {where}: {near}{margin / DEG:.1f} deg to a joint limit."
     if warnings:
         word = "one warning" if warnings == 1 else f"{warnings} warnings"
-        return [f"This cell works, with {word}.", f"Robot {cell.robot.name}."]
-    return ["Nothing is wrong with this cell.", f"Robot {cell.robot.name}."]
-
-
-def _findings(findings: Sequence[Finding]) -> str:
-    if not findings:
-        return '<p class="good">nothing</p>'
-    marks = {Severity.ERROR: "bad", Severity.WARNING: "warn"}
-    items = "".join(
-        f'<li class="{marks.get(finding.severity, "soft")}">'
-        + (f"line {finding.source.line}: " if finding.source else "")
-        + f"{escape(finding.message)}</li>"
-        for finding in findings
-    )
-    return f"<ul>{items}</ul>"
+        return [f"This cell works, with {word}.", stands]
+    return ["This cell works: nothing is wrong with it.", stands]
 
 
 def _facts(facts: Mapping[str, Any], prefix: str = "") -> list[tuple[str, str]]:

@@ -31,7 +31,6 @@ from postproc.report.parts import (
 )
 from postproc.units import DEG, MM, N_PER_MM
 
-FINDINGS_HTML = '<div class="scroll" id="findings"></div>'
 _LEVELS = 65534
 
 
@@ -57,14 +56,15 @@ def program_page(
     """
     columns = tag_columns(plan, drawing.cell, maps, text)
     verdict, *more = lead(plan, maps, columns, findings)
-    page = Page(f"{plan.name}: {drawing.cell.name}", [verdict, *causes, *more])
+    good = not any(finding.is_error for finding in findings)
+    page = Page(f"{plan.name}: {drawing.cell.name}", [verdict, *causes, *more], good=good)
     page.script = "program.js"
     page.data |= program_data(plan, drawing, maps, findings, text, columns)
     motion_sections(page, columns, "Tags", spins=True)
     if presets:
         page.section("Stiffness against time", table(presets[0], presets[1:]), "half")
     page.section("Time per operation", _operations(plan), "half")
-    page.section("Findings", FINDINGS_HTML, "half")
+    page.findings(findings)
     return page.render()
 
 
@@ -84,9 +84,6 @@ def program_data(
         **frame_data(cell, plan.tool_of_moves, plan.base_of_moves),
         **_tags(plan.toolpath, cell, maps, columns),
         **_texts(plan, text),
-        "findings": [
-            [str(i), i.hint or "", str(i.severity), i.tag_index, i.code] for i in findings
-        ],
         "failing": {str(tag): message for tag, message in failing.items()},
         "poses": pose_data(maps.poses),
         "move_of_tag": packed(maps.moves, "int32"),

@@ -4,38 +4,76 @@ from __future__ import annotations
 
 import numpy as np
 
+from postproc.arrays import FloatArray
+from postproc.geometry import apply
+from postproc.kinematics import build
 from postproc.planning import INDICES, SpinCurves, spin_degrees
-from postproc.report.parts import Page, Series, line_chart, table
-from postproc.units import N_PER_MM, PERCENT
-
-_PAIRS = (
-    ("axial", "ellipsoid_kx"),
-    ("normal", "ellipsoid_kv"),
-    ("radial", "first_cross", "second_cross"),
+from postproc.report.parts import (
+    Drawing,
+    Page,
+    RowsView,
+    TagColumn,
+    add_rows,
+    packed,
+    table,
 )
+from postproc.units import DEG, N_PER_MM, PERCENT
+
+_CHARTS = {
+    "along the tool axis": ("axial", "ellipsoid_kx"),
+    "across the path": ("normal", "ellipsoid_kv"),
+    "across the tool axis": ("radial", "first_cross", "second_cross"),
+}
+_SHOWN = ("axial", "normal", "ellipsoid_kx", "ellipsoid_kv")
 
 
-def stiffness_page(curves: SpinCurves, title: str, stiffness: str) -> bytes:
+def stiffness_page(
+    curves: SpinCurves, points: FloatArray, title: str, stiffness: str, drawing: Drawing
+) -> bytes:
     """Return the page as bytes.
 
     Args:
         curves: indices over the spin.
+        points: of their tags (t, 3) [m] in the base in work, where no pose tells more.
         title: name of the toolpath.
         stiffness: what the joint stiffness is, in words.
+        drawing: of the cell.
     """
-    lead = [_result(curves), f"Calculated with {stiffness}."]
+    can, cell = curves.best("axial") >= 0, drawing.cell
+    q = curves.q[np.arange(len(can)), np.maximum(curves.best("axial"), 0)]
+    robot = cell.robot
+    margin = np.minimum(q - robot.q_min, robot.q_max - q).min(axis=1)
+    margin = np.where(can, margin, np.nan)
+    lead = [_result(curves, margin), f"Calculated with {stiffness}."]
     if curves.coaxial.all():
         lead.append(
             "The tool axis lies on axis 6: the rotation turns axis 6 alone and changes no "
             "stiffness. Spinning the tool gains nothing here."
         )
-    page = Page(f"Stiffness of {title}", lead)
-    page.section("Best rotation by tag", _best(curves))
-    page.section("All tags", _comparison(curves, "axial"), "half")
-    page.section("All tags", _comparison(curves, "normal"), "half")
-    for row, name in enumerate(curves.names):
-        charts = "".join(_chart(curves, row, names) for names in _PAIRS)
-        page.section(f"Tag {name}{_tool(curves, row)}", f'<div class="grid">{charts}</div>')
+    page = Page(f"Stiffness of {title}", lead, good=bool(can.all()))
+    places = apply(cell.T_robroot_base, points)
+    for number in {tool for tool, here in zip(curves.tools, can, strict=True) if here}:
+        rows = can & (np.array(curves.tools) == number)
+        tool = next(tool for tool in cell.tools if tool.number == number)
+        places[rows] = (build(robot).fk(q[rows]) @ tool.T_flange_tcp)[:, :3, 3]
+    names = [name + _tool(curves, row) for row, name in enumerate(curves.names)]
+    view = RowsView(
+        "tag",
+        names,
+        places,
+        [*_columns(curves), TagColumn("margin", "margin", "deg", margin / DEG, "low")],
+        np.where(np.isfinite(q), q, 0.0),
+        notes=["" if here else "cannot be run at any rotation" for here in can],
+    )
+    add_rows(page, "Robot at the best rotation", view, drawing, with_part=True)
+    page.data["curves"] = {
+        "spins": spin_degrees(curves).tolist(),
+        "values": {name: packed(v / N_PER_MM) for name, v in curves.values.items()},
+        "blocked": packed(curves.blocked, "uint8"),
+        "charts": list(_CHARTS.values()),
+    }
+    for k, heading in enumerate(_CHARTS):
+        page.section(f"Stiffness {heading}", f'<div id="curve{k}"></div>', "third")
     meaning = [(name, text) for name, text in INDICES.items()]
     page.section("What the curves are", table(("curve", "stiffness"), meaning))
     return page.render()
@@ -46,63 +84,36 @@ def _tool(curves: SpinCurves, row: int) -> str:
     return f", tool {curves.tools[row]}" if len(set(curves.tools)) > 1 else ""
 
 
-def _result(curves: SpinCurves) -> str:
+def _result(curves: SpinCurves, margin: FloatArray) -> str:
     """Return what the curves come to, in one sentence."""
     best = curves.best("axial")
     can = np.flatnonzero(best >= 0)
     if not len(can):
-        return "No tag can be run at any rotation about the tool axis."
-    values = curves.values["axial"][can]
-    free = np.where(curves.blocked[can], np.nan, values)
+        return "Bad: no tag can be run at any rotation about the tool axis."
+    free = np.where(curves.blocked[can], np.nan, curves.values["axial"][can])
     most, least = np.nanmax(free, axis=1), np.nanmin(free, axis=1)
     loss = float(np.max(1.0 - least / most)) / PERCENT
     cannot = len(best) - len(can)
+    head = f"Bad: {cannot} of {len(best)} tags cannot be run at any rotation."
     return (
-        f"At the best rotation the tool is {most.min() / N_PER_MM:.0f} to "
+        (head if cannot else f"Good: all {len(best)} tags can be run.")
+        + f" At the best rotation the tool is {most.min() / N_PER_MM:.0f} to "
         f"{most.max() / N_PER_MM:.0f} N/mm stiff along its axis; the worst one that can be run "
-        f"costs up to {loss:.0f} % of it."
-        + (f" {cannot} of {len(best)} tags cannot be run at any rotation." if cannot else "")
+        f"costs up to {loss:.0f} % of it. Smallest margin to a joint limit "
+        f"{np.nanmin(margin) / DEG:.1f} deg."
     )
 
 
-def _chart(curves: SpinCurves, row: int, names: tuple[str, ...]) -> str:
-    x = spin_degrees(curves)
-    blocked = curves.blocked[row]
-    values = {name: curves.values[name][row] / N_PER_MM for name in names}
-    series = [Series(name, x, np.where(blocked, np.nan, y)) for name, y in values.items()]
-    if blocked.any():
-        cannot = np.where(blocked, values[names[0]], np.nan)
-        series.append(Series(f"{names[0]}, cannot be run", x, cannot))
-    return line_chart(series, "rotation about the tool axis [deg]", "N/mm", size=(460, 210))
-
-
-def _comparison(curves: SpinCurves, name: str) -> str:
-    x = spin_degrees(curves)
-    shown = range(min(len(curves.names), 6))
-    series = [Series(curves.names[i], x, curves.values[name][i] / N_PER_MM) for i in shown]
-    return f"<p>{INDICES[name]}</p>" + line_chart(
-        series, "rotation about the tool axis [deg]", "N/mm"
-    )
-
-
-def _best(curves: SpinCurves) -> str:
-    degrees = spin_degrees(curves)
-    rows = []
-    for row, name in enumerate(curves.names):
-        cells: list[str] = [name + _tool(curves, row)]
-        for index in ("axial", "normal", "ellipsoid_kx", "ellipsoid_kv"):
-            at = int(curves.best(index)[row])
-            if at < 0:
-                cells += ["cannot be run", "", ""]
-                continue
-            gain = float(curves.gain(index)[row])
-            cells += [
-                f"{degrees[at]:+.0f}",
-                f"{curves.values[index][row, at] / N_PER_MM:.0f}",
-                f"{gain / PERCENT:+.1f} %" if np.isfinite(gain) else "-",
-            ]
-        rows.append(cells)
-    head = ["tag"]
-    for index in ("axial", "normal", "ellipsoid_kx", "ellipsoid_kv"):
-        head += [f"{index} [deg]", "N/mm", "over 0 deg"]
-    return table(head, rows)
+def _columns(curves: SpinCurves) -> list[TagColumn]:
+    """Return value, rotation and gain of the best rotation by each index."""
+    degrees, rows, columns = spin_degrees(curves), np.arange(len(curves.tags)), []
+    for name in _SHOWN:
+        at = curves.best(name)
+        known = at >= 0
+        value = curves.values[name][rows, np.maximum(at, 0)] / N_PER_MM
+        columns += [
+            TagColumn(name, name, "N/mm", np.where(known, value, np.nan), "low"),
+            TagColumn(f"{name}_at", "at", "deg", np.where(known, degrees[at], np.nan)),
+            TagColumn(f"{name}_gain", "over 0", "%", curves.gain(name) / PERCENT),
+        ]
+    return columns

@@ -28,7 +28,6 @@ from postproc.report.parts import (
     TagColumn,
     axes_in_drawn_base,
     cam_lines,
-    escape,
     extent_of,
     in_drawn_base,
     packed,
@@ -49,13 +48,15 @@ class RunMaps:
     """Motions of a run in figures.
 
     ``margin``, ``wrist`` (m,): smallest way [rad] to a joint limit and to A5 = 0, NaN where
-    unknown; ``texts``: what stands against motions; ``poses``: colliding ones.
+    unknown; ``texts``: what stands against motions; ``poses``: colliding ones; ``clearance`` [m]:
+    the smallest at the ends of motions, NaN where nothing is near or it was not searched.
     """
 
     margin: FloatArray
     wrist: FloatArray
     texts: Mapping[int, list[str]]
     poses: Mapping[int, FailingPose]
+    clearance: float = np.nan
 
 
 def verify_page(
@@ -75,7 +76,8 @@ def verify_page(
     if report.run is None:
         raise ValueError("a report without its run cannot be shown")
     columns = _columns(report.run, maps)
-    page = Page(f"{report.program}: {drawing.cell.name}", _lead(report))
+    lead = _lead(report, maps)
+    page = Page(f"{report.program}: {drawing.cell.name}", lead, good=report.ok)
     page.script = "program.js"
     page.data |= {
         **scene_data(drawing),
@@ -90,19 +92,22 @@ def verify_page(
     }
     motion_sections(page, columns, "Motions")
     page.section("Worst of each measure", _worst(report), "half")
-    page.section("Findings", _findings(report), "half")
+    trace = report.run.paths.trace
+    first = {trace.place(row): row for row in reversed(range(len(trace)))}
+    page.findings([*report.violations, *report.warnings], lambda item: first.get(item.place))
     return page.render()
 
 
-def _lead(report: VerifyReport) -> list[str]:
+def _lead(report: VerifyReport, maps: RunMaps) -> list[str]:
     careful = "".join(f", but {text}" for text in headlines(report.warnings))
     if report.ok:
         lines = [f"The program is good: {report.points} motions, nothing against them{careful}."]
+        lines[0] += _nearest(maps)
     else:
         first = report.violations[0]
         count = len(report.violations)
         word = "one violation" if count == 1 else f"{count} violations"
-        lines = [f"The program is bad: {word}.", f"First: {first}"]
+        lines = [f"The program is bad: {word}.{_nearest(maps)}", f"First: {first}"]
     if report.position_error is not None:
         lines.append(
             f"{report.matched} of {report.tags} CAM points are passed in order, the worst "
@@ -118,6 +123,14 @@ def _lead(report: VerifyReport) -> list[str]:
     searched = "" if report.collisions_checked else " Collisions were not searched."
     lines.append(f"About {time_span(report.cycle_time)}.{searched}")
     return lines
+
+
+def _nearest(maps: RunMaps) -> str:
+    """Return the smallest clearance and margin in words, nothing where none is known."""
+    margin = maps.margin[np.isfinite(maps.margin)]
+    words = [f"clearance {maps.clearance / MM:.1f} mm"] if np.isfinite(maps.clearance) else []
+    words += [f"margin to a joint limit {margin.min() / DEG:.1f} deg"] if len(margin) else []
+    return f" Smallest {', '.join(words)}." if words else ""
 
 
 def texts_by_motion(report: VerifyReport) -> dict[int, list[str]]:
@@ -227,19 +240,3 @@ def _worst(report: VerifyReport) -> str:
         for name, worst in sorted(report.worst.items())
     ]
     return table(("measure", "value", "unit", "where", ""), rows)
-
-
-def _findings(report: VerifyReport) -> str:
-    if not report.violations and not report.warnings:
-        return '<p class="good">none</p>'
-    trace = report.run.paths.trace if report.run else None
-    first = {trace.place(row): row for row in reversed(range(len(trace)))} if trace else {}
-    rows = []
-    for mark, items in (("failing", report.violations), ("", report.warnings)):
-        for item in items[:MOST_ROWS]:
-            row = first.get(item.place)
-            file, line = item.place
-            goto = "" if row is None else f' data-goto="{row}"'
-            text = f"{Path(file).name}:{line}: {item.code}: {item.message}"
-            rows.append(f'<tr class="{mark}"{goto}><td class="text wrap">{escape(text)}</td></tr>')
-    return f'<div class="scroll"><table id="findings">{"".join(rows)}</table></div>'

@@ -10,7 +10,7 @@ import numpy as np
 from postproc.arrays import FloatArray, IndexArray, IntArray
 from postproc.model import Plan
 from postproc.planning import SpinClass, SpinMap, TagPose
-from postproc.report.pages.program import FINDINGS_HTML, motion_sections
+from postproc.report.pages.program import motion_sections
 from postproc.report.parts import CLASS_COLOURS, CLASS_WORDS, Page, escape, packed
 from postproc.units import DEG, MM, N_PER_MM
 
@@ -33,7 +33,7 @@ def workbench_page(cell: str, source: str) -> bytes:
     page.section("Job", '<div class="scroll" id="tree"></div>', "third")
     motion_sections(page, [], "Tags", spins=True)
     page.section("Place of part, tool, fixture", _PLACE_HTML, "half")
-    page.section("Findings", FINDINGS_HTML, "half")
+    page.findings([])
     return page.render()
 
 

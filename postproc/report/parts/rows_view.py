@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from postproc.arrays import FloatArray
+from postproc.geometry import apply, inverse
 from postproc.records import dataclass
 from postproc.report.parts.page import Page, escape, packed
 from postproc.report.parts.scene_data import Drawing, body_data, extent_of, robot_data
@@ -45,13 +47,20 @@ def add_rows(
     heading: str,
     view: RowsView,
     drawing: Drawing | None = None,
+    with_part: bool = False,
 ) -> None:
-    """Add the 3D view and the list of rows to a page, with the robot where one is drawn."""
+    """Add the 3D view and the list of rows to a page, with the robot where one is drawn.
+
+    ``with_part``: the rows are of the workpiece, which is drawn too.
+    """
     if drawing is not None:
-        robot = robot_data(drawing)
-        page.data["robot"] = {**robot, "T_world_base": robot["T_world_robroot"]}
-        solids = body_data(drawing)
-        page.data["bodies"] = [body for body in solids if body["kind"] != "workpiece"]
+        robot, solids = robot_data(drawing), body_data(drawing)
+        root = {} if with_part else {"T_world_base": robot["T_world_robroot"]}
+        page.data["robot"] = robot | root
+        page.data["bodies"] = [s for s in solids if with_part or s["kind"] != "workpiece"]
+        if with_part:
+            points = apply(inverse(drawing.cell.T_robroot_base), view.points)
+            view = replace(view, points=points)
     page.data["rows"] = _rows(view)
     page.script = "rows.js"
     page.section(heading, _html(view), "seven")
@@ -98,6 +107,7 @@ def _arrow_html(view: RowsView) -> str:
 
 
 _LIST_HTML = (
-    '<div class="bar"><span id="more"></span></div><div class="scroll" id="list"><table id="tags">'
+    '<div class="bar"><label>find <input id="search" type="search" size="10"></label>'
+    '<span id="more"></span></div><div class="scroll" id="list"><table id="tags">'
     "<thead><tr></tr></thead><tbody></tbody></table></div>"
 )
