@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from postproc.arrays import IndexArray
+from postproc.arrays import FloatArray, IndexArray
 from postproc.cell import Cell
 from postproc.errors import DataError, Finding, SourceRef
+from postproc.geometry import apply
 from postproc.jobs.paged import Paged
+from postproc.kinematics import build
 from postproc.model import ToolPath, load_model
 from postproc.planning import INDICES, SpinCurves, spin_curves, spin_degrees
 from postproc.process import claimed, word_findings
@@ -77,8 +79,18 @@ class SpinStiffness(Paged):
         from postproc.jobs.drawing import drawing_of
         from postproc.report.pages.stiffness import stiffness_page
 
-        points, drawing = self.toolpath.points[self.curves.tags], drawing_of(self.cell)
-        return stiffness_page(self.curves, points, self.toolpath.name, self.words, drawing)
+        drawing = drawing_of(self.cell)
+        return stiffness_page(self.curves, self._places(), self.toolpath.name, self.words, drawing)
+
+    def _places(self) -> FloatArray:
+        """Return the tags (t, 3) [m] in the robot root: where a pose has the tool, if any."""
+        curves, cell = self.curves, self.cell
+        at = curves.best("axial")
+        frames = build(cell.robot).fk(curves.q[np.arange(len(at)), np.maximum(at, 0)])
+        tips = {tool.number: tool.T_flange_tcp for tool in cell.tools}
+        tools = np.array([tips.get(number, np.eye(4)) for number in curves.tools])
+        points = apply(cell.T_robroot_base, self.toolpath.points[curves.tags])
+        return np.where((at >= 0)[:, None], (frames @ tools)[:, :3, 3], points)
 
 
 def stiffness(

@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.geometry import apply
-from postproc.kinematics import build
 from postproc.planning import INDICES, SpinCurves, spin_degrees
 from postproc.report.parts import (
     Drawing,
@@ -28,20 +26,19 @@ _SHOWN = ("axial", "normal", "ellipsoid_kx", "ellipsoid_kv")
 
 
 def stiffness_page(
-    curves: SpinCurves, points: FloatArray, title: str, stiffness: str, drawing: Drawing
+    curves: SpinCurves, places: FloatArray, title: str, stiffness: str, drawing: Drawing
 ) -> bytes:
     """Return the page as bytes.
 
     Args:
         curves: indices over the spin.
-        points: of their tags (t, 3) [m] in the base in work, where no pose tells more.
+        places: of their tags (t, 3) [m] in the robot root.
         title: name of the toolpath.
         stiffness: what the joint stiffness is, in words.
         drawing: of the cell.
     """
-    can, cell = curves.best("axial") >= 0, drawing.cell
+    can, robot = curves.best("axial") >= 0, drawing.cell.robot
     q = curves.q[np.arange(len(can)), np.maximum(curves.best("axial"), 0)]
-    robot = cell.robot
     margin = np.minimum(q - robot.q_min, robot.q_max - q).min(axis=1)
     margin = np.where(can, margin, np.nan)
     lead = [_result(curves, margin), f"Calculated with {stiffness}."]
@@ -51,11 +48,6 @@ def stiffness_page(
             "stiffness. Spinning the tool gains nothing here."
         )
     page = Page(f"Stiffness of {title}", lead, good=bool(can.all()))
-    places = apply(cell.T_robroot_base, points)
-    for number in {tool for tool, here in zip(curves.tools, can, strict=True) if here}:
-        rows = can & (np.array(curves.tools) == number)
-        tool = next(tool for tool in cell.tools if tool.number == number)
-        places[rows] = (build(robot).fk(q[rows]) @ tool.T_flange_tcp)[:, :3, 3]
     names = [name + _tool(curves, row) for row, name in enumerate(curves.names)]
     view = RowsView(
         "tag",
