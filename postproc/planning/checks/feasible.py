@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray, numbered, taken
+from postproc.arrays import AT_ONCE, BoolArray, FloatArray, IndexArray, numbered, taken
 from postproc.geometry import STEP_SWEEP, arc_poses, line_poses, path_length, rotation_angle
 from postproc.planning.states import Problem, Strokes
 from postproc.records import dataclass
@@ -43,10 +43,6 @@ class Reason(IntEnum):
     SINGULAR = 103
     COLLISION = 104
     SPEED = 105
-
-
-_AT_ONCE = 8000
-"""Motions that are sampled together, so that memory stays bounded."""
 
 
 @dataclass(slots=True)
@@ -308,11 +304,11 @@ class Checker:
 
     def track(self, lines: Lines, verdict: Verdict) -> Track:
         """Return the joint paths of CP motions; notes what stands against them."""
-        if len(lines) <= _AT_ONCE:
+        if len(lines) <= AT_ONCE:
             return self._tracked(lines, verdict)
         parts: list[Track] = []
-        for low in range(0, len(lines), _AT_ONCE):
-            own = slice(low, low + _AT_ONCE)
+        for low in range(0, len(lines), AT_ONCE):
+            own = slice(low, low + AT_ONCE)
             part = self._tracked(lines.cut(own), Verdict(verdict.reason[own], verdict.pair[own]))
             parts.append(Track(part.row + low, part.share, part.q))
         return Track(

@@ -31,11 +31,9 @@ from postproc.units import DEG, TURN
 
 _LONG = 0.5
 """Only longer motions [m] are looked at on their way: both ends of others tell as much."""
-_EVERYWHERE = np.arange(1.0, 16.0) / 16.0
 _LOOKS = (
     (np.array([0.25, 0.5, 0.75]), 60.0 * DEG),
-    (_EVERYWHERE, 10.0 * DEG),
-    (_EVERYWHERE, 1.0 * DEG),  # near the edge of reach few spins do
+    (np.arange(1.0, 16.0) / 16.0, 1.0 * DEG),  # near the edge of reach few spins do
 )
 """At these shares of them, in such steps of spin [rad]: what passes one look is passed."""
 _AT_ONCE = 64

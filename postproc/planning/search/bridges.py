@@ -14,7 +14,7 @@ from dataclasses import field
 import numpy as np
 from numpy.typing import NDArray
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray, members, taken
+from postproc.arrays import AT_ONCE, BoolArray, FloatArray, IndexArray, members, taken
 from postproc.ladder import NONE, Joined
 from postproc.planning.states import BRANCHES, States
 from postproc.records import dataclass
@@ -27,8 +27,6 @@ Joints = NDArray[np.float32]
 _SAME_BRANCH = np.eye(BRANCHES, dtype=np.bool_)
 _OUT = 0
 """Class of the states that are out."""
-_AT_ONCE = 2000
-"""Tags whose runs are joined together, so that memory stays bounded."""
 
 
 @dataclass(slots=True)
@@ -141,7 +139,7 @@ class Bridges:
 
     def _join(self, i: int) -> None:
         """Find which runs may join at a rung, and at those behind it where that is not known."""
-        last = min(i + _AT_ONCE, len(self.states))
+        last = min(i + AT_ONCE, len(self.states))
         rungs = np.array([k for k in range(i, last) if k not in self._known])
         offsets, is_loose = self.states.offsets, self.loose[rungs]
         own = np.zeros(len(self.states), dtype=np.bool_)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.arrays import AT_ONCE, BoolArray, FloatArray, IndexArray
 from postproc.kinematics import STRETCHED, elbow_distance
 from postproc.planning.states import BRANCHES, Problem, States, StrokeEnds, evaluate
 from postproc.records import dataclass
@@ -26,8 +26,6 @@ _GAIN = 1.005
 """Edges are looked at where this times the best of the grid may stand there."""
 _STEEPER = 1.5
 """From the last spin to the edge stiffness rises by no more than this times the step before."""
-_TAGS = 512
-"""Tags that are looked at together, so that memory stays bounded."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,8 +79,8 @@ def edges_of(
     n, found = len(tags), Edges.none(best_of(states))
     if problem.settings.weights.main is None:
         return found
-    for low in range(0, n, _TAGS):
-        rows = np.arange(low, min(low + _TAGS, n))
+    for low in range(0, n, AT_ONCE // BRANCHES):
+        rows = np.arange(low, min(low + AT_ONCE // BRANCHES, n))
         at, column = _last_before_edges(problem, states, rows, stride, found)
         kept = ~pinned[at[0]]
         if kept.any():

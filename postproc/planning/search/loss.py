@@ -17,12 +17,8 @@ from postproc.planning.search.rungs import SearchOptions
 from postproc.planning.states import Chosen, Problem, Weights, evaluate
 from postproc.records import dataclass
 
-_WORTH = 0.98
-_PATIENCE = 4
-"""Key tags for less loss are added until so many rounds in turn did not lower the excess over the
-bound to the share ``_WORTH`` of the least so far."""
-_FEW = 8
-"""After so many rounds every tag beyond the bound becomes a key tag, not only the worst ones."""
+_ROUNDS = 8
+"""So often at most key tags for less loss are added: each time up to as many as there are."""
 ROUNDING = 1e-6
 DEFAULT_BOUND = 0.05
 """Bound of the strategy ``smooth`` where the cell sets none."""
@@ -83,8 +79,6 @@ class LossBound:
 
     best: FloatArray
     bound: float
-    least_excess: float = np.inf
-    stale: int = 0
     rounds: int = 0
 
     @property
@@ -93,18 +87,12 @@ class LossBound:
         return np.asarray((1.0 - self.bound - ROUNDING) * self.best)
 
     def more_keys(self, keys: BoolArray, loss: FloatArray) -> IndexArray:
-        """Return tags to make key: between two key tags the worst one, later all beyond the bound.
-
-        None if the last rounds won nothing.
-        """
+        """Return tags to make key: between two key tags the one that loses most beyond it."""
         over = np.nan_to_num(loss, nan=0.0) - self.bound
-        excess = float(np.maximum(over, 0.0).sum())
-        self.stale = 0 if excess < _WORTH * self.least_excess else self.stale + 1
-        self.least_excess = min(excess, self.least_excess)
-        self.rounds += 1
         lossy = np.flatnonzero((over > 0.0) & ~keys)
-        if self.stale >= _PATIENCE or not len(lossy) or self.rounds > _FEW:
-            return lossy if self.stale < _PATIENCE else lossy[:0]
+        self.rounds += 1
+        if self.rounds > _ROUNDS or not len(lossy):
+            return lossy[:0]
         span = np.cumsum(keys)[lossy]
         order = np.lexsort((-over[lossy], span))
         return np.sort(lossy[order[np.unique(span[order], return_index=True)[1]]])

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IndexArray
+from postproc.arrays import AT_ONCE, AnyIntArray, BoolArray, FloatArray, IndexArray
 from postproc.geometry import angle_between
 from postproc.kinematics import wrapped
 from postproc.ladder import NONE, Ladder, Rule, Tolls
@@ -88,8 +88,6 @@ FINER_PRICE = 0.01
 ROUNDER = 2
 """Of round spins every second one; the others have to gain as much. It halves how many holes turn
 where a base is measured anew by some mm or a tool is ground, for .1 % of stiffness."""
-_AT_ONCE = 1000
-"""Tags whose states are priced together, so that memory stays bounded."""
 
 
 class Parted(NamedTuple):
@@ -226,10 +224,10 @@ def states_on(
         else _in_window(problem, tags, options.window)
     )
     price = problem.settings.weights.price
-    for low in range(0, len(tags), _AT_ONCE):
-        edge = states.offsets[low : low + _AT_ONCE + 1]
+    for low in range(0, len(tags), AT_ONCE):
+        edge = states.offsets[low : low + AT_ONCE + 1]
         part = slice(int(edge[0]), int(edge[-1]))
-        of_state = np.repeat(best[low : low + _AT_ONCE], np.diff(edge))
+        of_state = np.repeat(best[low : low + AT_ONCE], np.diff(edge))
         states.cost[part] += price(1.0 - states.index[part] / of_state)
     if options.least is not None:
         owner = states.tag_of(np.arange(len(states.q)))
