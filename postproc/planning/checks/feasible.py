@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from postproc.arrays import AT_ONCE, BoolArray, FloatArray, IndexArray, numbered, taken
+from postproc.arrays import AT_ONCE, ROUNDING, BoolArray, FloatArray, IndexArray, numbered, taken
 from postproc.geometry import STEP_SWEEP, arc_poses, line_poses, path_length, rotation_angle
 from postproc.planning.states import Problem, Strokes
 from postproc.records import dataclass
@@ -241,7 +241,7 @@ class Checker:
         heights, T, joints = self._stroke_ends(verdict, rows, tags, q, attitude, branch)
         external = self.problem.placement.external[tags]
         for start, end, touch in ((0, 1, False), (1, 2, True)):
-            moving = (heights[start] - heights[end] > 1e-9) & verdict.good[rows]
+            moving = (heights[start] - heights[end] > ROUNDING) & verdict.good[rows]
             kept = np.nonzero(moving)[0]
             lines = Lines(
                 T[start][kept],
@@ -405,7 +405,7 @@ class Checker:
         size = np.maximum(lines.length / STEP_LENGTH, turn / STEP_ANGLE)
         if lines.sweep is not None:
             size = np.maximum(size, lines.sweep / STEP_SWEEP)
-        size -= 1e-9
+        size -= ROUNDING
         pieces = np.ceil(np.maximum(size, np.where(size > SHORT, 2.0, 1.0))).astype(np.int64)
         row, step = numbered(pieces + 1)
         return row, step / pieces[row]

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from postproc.arrays import FloatArray
+from postproc.arrays import ROUNDING, FloatArray
 from postproc.model import MoveRole, Plan
 from postproc.planning.external.positions import Positions, Run, run_of
 from postproc.planning.external.rating import UNREACHED, Rating
@@ -85,9 +85,9 @@ class Outcome:
             bool((plan.speed[cuts] < (1.0 - SLOWED) * feed).any()),
             float(
                 (plan.duration[cuts].sum() + sum(way.max() for way in ways))
-                / max(np.nansum(at_feed), 1e-9)
+                / max(np.nansum(at_feed), ROUNDING)
             ),
-            share / max(share.sum(), 1e-9),
+            share / max(share.sum(), ROUNDING),
             plan.stiffness[tags.start : tags.stop],
             best[tags.start : tags.stop],
         )

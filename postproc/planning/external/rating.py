@@ -12,7 +12,7 @@ from dataclasses import field, replace
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.arrays import ROUNDING, TINY, BoolArray, FloatArray, IndexArray
 from postproc.cell import Cell
 from postproc.geometry import angle_between
 from postproc.ladder import Rule
@@ -177,7 +177,7 @@ def rated(toolpath: ToolPath, cell: Cell, settings: Settings, checker_at: Checke
     loss = np.where(np.isfinite(cost), cost - np.where(np.isfinite(best), best, 0.0), UNREACHED)
     starts = np.unique(np.append(0, np.flatnonzero(~chain))) if n else np.zeros(0, np.int64)
     units = list(zip(starts.tolist(), np.append(starts[1:], n).tolist(), strict=True))
-    way = arc_length(toolpath) + _TURN_LENGTH * turned + 1e-6 * np.arange(n)
+    way = arc_length(toolpath) + _TURN_LENGTH * turned + TINY * np.arange(n)
     return Rating(checker, values, units, knots, loss, way)
 
 
@@ -240,7 +240,7 @@ def position_grid(cell: Cell, finer: int = 1, most: int = MOST_POSITIONS) -> Flo
     share = most ** (1.0 / len(cell.external_axes))
     for axis, step in zip(cell.external_axes, (grid_step(cell) / finer).tolist(), strict=True):
         step = max(step, (axis.q_max - axis.q_min) / max(share - 1.0, 1.0))
-        low, high = np.ceil(axis.q_min / step - 1e-9), np.floor(axis.q_max / step + 1e-9)
+        low, high = np.ceil(axis.q_min / step - ROUNDING), np.floor(axis.q_max / step + ROUNDING)
         inner = np.arange(low, high + 1) * step
         columns.append(np.unique(np.concatenate([[axis.q_min], inner, [axis.q_max]])))
     return np.array(list(itertools.product(*(column.tolist() for column in columns))))

@@ -10,7 +10,7 @@ import itertools
 
 import numpy as np
 
-from postproc.arrays import FloatArray, IndexArray
+from postproc.arrays import ROUNDING, FloatArray, IndexArray
 from postproc.geometry import angle_between
 from postproc.planning.external.rating import UNREACHED, Rating, grid_step
 from postproc.records import dataclass
@@ -54,7 +54,7 @@ def cheapest(rating: Rating, rows: list[Row]) -> tuple[IndexArray, float]:
     change = _changes(rating)
     steps = np.abs(values[:, None] - values[None]) / step
     slide = SLIDE * steps.sum(axis=2)
-    too_far = (steps > np.where(rating.may_move, 1.0 + 1e-9, 0.0)).any(axis=2)
+    too_far = (steps > np.where(rating.may_move, 1.0 + ROUNDING, 0.0)).any(axis=2)
     feed = rating.feed
     value, back = rows[0].cost.copy(), []
     for before, row in itertools.pairwise(rows):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import TINY, FloatArray, IndexArray, numbered
+from postproc.arrays import ROUNDING, TINY, FloatArray, IndexArray, numbered
 from postproc.cell import ArcMotion
 from postproc.errors import PlanError
 from postproc.geometry import angle_between, arc_points, arc_poses
@@ -81,7 +81,7 @@ def _arcs(
     tilts = tuple(problem.placement.tilts(at, chosen.attitude[at]) for at in (tags - 1, tags))
     tilted = (tilts[0] != 0.0).any(axis=1) | (tilts[1] != 0.0).any(axis=1)
     widest = np.where(tilted, np.minimum(widest, TILTED_PIECE), widest)
-    pieces = np.maximum(1, np.ceil(sweep / widest - 1e-9)).astype(np.int64)
+    pieces = np.maximum(1, np.ceil(sweep / widest - ROUNDING)).astype(np.int64)
     if pieces.sum() > MOST_PIECES:
         text = f"arcs make {pieces.sum()} pieces, expected at most {MOST_PIECES}"
         raise PlanError("PLN211", text, toolpath.source(int(tags[pieces.argmax()])))

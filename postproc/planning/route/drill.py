@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.arrays import ROUNDING, BoolArray, FloatArray, IndexArray
 from postproc.model import MoveKind, MoveRole
 from postproc.planning.states import Chosen, Moves, Problem, Strokes, moves
 from postproc.process import FEED_OUT, feeds_of, pecks
@@ -33,7 +33,7 @@ def hole_moves(problem: Problem, strokes: Strokes, chosen: Chosen) -> list[Moves
     top = _at(problem, chosen, tags, strokes.top[tags])
     role = np.where(chosen.entry[tags], MoveRole.ENTRY, MoveRole.APPROACH)
     parts = [moves(tags, ARRIVE, MoveKind.PTP, role, top)]
-    lower = tags[strokes.clear[tags] < strokes.top[tags] - 1e-9]
+    lower = tags[strokes.clear[tags] < strokes.top[tags] - ROUNDING]
     if len(lower):
         clear = _at(problem, chosen, lower, strokes.clear[lower])
         parts.append(moves(lower, _CLEAR, MoveKind.LIN, MoveRole.APPROACH, clear, rapid))
@@ -46,7 +46,7 @@ def hole_moves(problem: Problem, strokes: Strokes, chosen: Chosen) -> list[Moves
     if slow.any():
         clear = _at(problem, chosen, tags[slow], strokes.clear[tags[slow]])
         parts.append(moves(tags[slow], _OUT, MoveKind.LIN, MoveRole.RETRACT, clear, feeds[slow]))
-    there = slow & (strokes.clear[tags] >= strokes.top[tags] - 1e-9)
+    there = slow & (strokes.clear[tags] >= strokes.top[tags] - ROUNDING)
     T_top, q_top, external = (column[~there] for column in top)
     last = (T_top, q_top, external)
     parts.append(moves(tags[~there], LEAVE, MoveKind.LIN, MoveRole.RETRACT, last, rapid))

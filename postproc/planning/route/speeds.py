@@ -302,7 +302,7 @@ def _followed(speed: FloatArray, cap: FloatArray, least: FloatArray | float) -> 
 
     No speed that axes follow becomes less than ``least`` for being even.
     """
-    fast = speed > cap * (1.0 + 1e-9)
+    fast = speed > cap * (1.0 + ROUNDING)
     result = speed.copy()
     even = _even(cap[fast])
     result[fast] = np.maximum(even, np.where(least <= cap, least, 0.0)[fast])
@@ -316,7 +316,7 @@ def _even(speed: FloatArray) -> FloatArray:
     """
     size = 10.0 ** np.ceil(np.log10(np.maximum(speed, SLOWEST)))
     fine = np.where(speed < 0.5 * size, 0.01, 0.025) * size
-    return np.asarray(np.floor(speed / fine + 1e-9) * fine)
+    return np.asarray(np.floor(speed / fine + ROUNDING) * fine)
 
 
 def _too_slow(problem: Problem, table: Moves, row: int) -> str:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray, numbered
+from postproc.arrays import ROUNDING, BoolArray, FloatArray, IndexArray, numbered
 from postproc.planning.checks import Checker
 
 ROUNDS = 60
@@ -131,7 +131,7 @@ class _Tree:
         near = self.nearest(targets)
         way = targets - self.nodes[near]
         size = np.linalg.norm(way, axis=1, keepdims=True)
-        ends = self.nodes[near] + way * np.minimum(1.0, step / np.maximum(size, 1e-9))
+        ends = self.nodes[near] + way * np.minimum(1.0, step / np.maximum(size, ROUNDING))
         free = np.flatnonzero(checker.free_poses(ends, self.external))
         free = free[seem_free(checker, self.nodes[near[free]], ends[free], self.external)]
         first = len(self.nodes)

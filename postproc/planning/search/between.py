@@ -106,8 +106,8 @@ class Interpolation:
         a, b = first[span], last[span]
         tag = a + place
         length = self.way[b] - self.way[a]
-        by_length = (self.way[tag] - self.way[a]) / np.where(length > 1e-9, length, 1.0)
-        share = np.where(length > 1e-9, by_length, place / np.maximum(count[span], 1))
+        by_length = (self.way[tag] - self.way[a]) / np.where(length > ROUNDING, length, 1.0)
+        share = np.where(length > ROUNDING, by_length, place / np.maximum(count[span], 1))
         share[tag == b] = 1.0
         return Rows(span, tag, share)
 

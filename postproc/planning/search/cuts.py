@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray, Table, taken
+from postproc.arrays import ROUNDING, TINY, BoolArray, FloatArray, IndexArray, Table, taken
 from postproc.planning.checks import Checker, Lines, Reason
 from postproc.planning.route import is_too_fast
 from postproc.planning.search.between import Interpolation, Rows
@@ -165,10 +165,10 @@ def _refuse(reason: IndexArray, rows: IndexArray | BoolArray, why: Reason) -> No
 def _in_range(problem: Problem, rows: Rows, attitude: FloatArray) -> BoolArray:
     """Return (k,) whether the spin of the tags inside spans is one that the cell allows."""
     low, high = problem.cell.optimize.range
-    if high - low >= TURN - 1e-9:
+    if high - low >= TURN - ROUNDING:
         return np.ones(len(rows.tag), dtype=np.bool_)
-    spin = low + np.mod(attitude[:, 0] - low + 1e-6, TURN) - 1e-6
-    return np.asarray((spin <= high + 1e-6) | (rows.share == 1.0))
+    spin = low + np.mod(attitude[:, 0] - low + TINY, TURN) - TINY
+    return np.asarray((spin <= high + TINY) | (rows.share == 1.0))
 
 
 def _followed(rows: Rows, q: FloatArray, reached: BoolArray, q_first: FloatArray) -> FloatArray:

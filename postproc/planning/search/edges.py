@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from postproc.arrays import AT_ONCE, BoolArray, FloatArray, IndexArray
+from postproc.arrays import AT_ONCE, ROUNDING, BoolArray, FloatArray, IndexArray
 from postproc.kinematics import STRETCHED, elbow_distance
 from postproc.planning.states import BRANCHES, Problem, States, StrokeEnds, evaluate
 from postproc.records import dataclass
+from postproc.units import TURN
 
 AnyArray = NDArray[Any]
 _HALVINGS = 6
@@ -108,7 +109,7 @@ def _last_before_edges(
     index[place], which[place] = states.index[own], own
     best = np.nan_to_num(found.index[rows], nan=np.inf)[:, None, None]
     low, high = problem.cell.optimize.range
-    is_ring = high - low >= 2.0 * np.pi - 1e-9
+    is_ring = high - low >= TURN - ROUNDING
     up, down = np.roll(index, -1, axis=2), np.roll(index, 1, axis=2)
     parts = []
     for sense, ahead, behind in ((1, up, down), (-1, down, up)):

@@ -19,12 +19,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.arrays import TINY, BoolArray, FloatArray, IndexArray
 from postproc.ladder import Failing, Steps
 from postproc.planning.checks import Break, Reason
 from postproc.planning.search.between import Interpolation
 from postproc.planning.search.cuts import Judged, Spans, judge
 from postproc.records import dataclass
+from postproc.units import TURN
 
 if TYPE_CHECKING:
     from postproc.planning.search.pose_search import PoseSearch
@@ -114,7 +115,7 @@ def also_failing(search: PoseSearch, steps: Steps, failing_of: Failing) -> Steps
             pairs = _alike(search, rung, a, b)
         pairs = pairs[~np.isin(_codes(search, pairs), search.looked_at.get(tag, ()))]
         length = float(np.diff(search.between.way[[tag - 1, tag]])[0])
-        count = int(min(_MANY, max(_LEAST, _SWEPT / max(length, 1e-6))))
+        count = int(min(_MANY, max(_LEAST, _SWEPT / max(length, TINY))))
         suspects.append(_Suspects(tag, pairs[:_MANY], count))
     size = _LEAST
     while suspects := [one for one in suspects if len(one.pairs) and one.left]:
@@ -156,7 +157,7 @@ def _beside(search: PoseSearch, rung: int, a: int, b: int) -> IndexArray:
     leave = np.column_stack([np.full(len(to), a), to])
     pairs = np.concatenate([leave, np.column_stack([start, np.full(len(start), b)])])
     turn = np.abs(search.states.spin_of(pairs[:, 1]) - search.states.spin_of(pairs[:, 0]))
-    return pairs[np.argsort(np.minimum(turn, 2.0 * np.pi - turn), kind="stable")]
+    return pairs[np.argsort(np.minimum(turn, TURN - turn), kind="stable")]
 
 
 def _alike(search: PoseSearch, rung: int, a: int, b: int) -> IndexArray:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.arrays import ROUNDING, BoolArray, FloatArray, IndexArray
 from postproc.cell import Optimize
 from postproc.geometry import angle_between, path_length
 from postproc.model import CUTS, MotionKind, ToolPath
@@ -75,7 +75,7 @@ def _every(keys: BoolArray, way: FloatArray, toolpath: ToolPath, wishes: Optimiz
     for tag in range(1, len(lengths)):
         i, j, k = axes[tag]
         turned = x * i + y * j + z * k < least
-        if known[tag] or turned or lengths[tag] - lengths[last] >= wishes.key_every - 1e-9:
+        if known[tag] or turned or lengths[tag] - lengths[last] >= wishes.key_every - ROUNDING:
             result[tag] = True
             last, (x, y, z) = tag, axes[tag]
     return result
@@ -120,6 +120,6 @@ def dense_key_tags(problem: Problem) -> BoolArray:
 def _corners(points: FloatArray, angle: float) -> BoolArray:
     """Return (n-2,) whether the path bends by more than ``angle`` at each inner point."""
     step = np.diff(points, axis=0)
-    moved = np.linalg.norm(step, axis=1) > 1e-9
+    moved = np.linalg.norm(step, axis=1) > ROUNDING
     bend = angle_between(step[:-1], step[1:])
     return np.asarray((bend > angle) & moved[:-1] & moved[1:])

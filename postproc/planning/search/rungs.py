@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from postproc.arrays import AT_ONCE, AnyIntArray, BoolArray, FloatArray, IndexArray
+from postproc.arrays import AT_ONCE, ROUNDING, AnyIntArray, BoolArray, FloatArray, IndexArray
 from postproc.geometry import angle_between
 from postproc.kinematics import wrapped
 from postproc.ladder import NONE, Ladder, Rule, Tolls
@@ -34,7 +34,7 @@ from postproc.planning.states import (
 )
 from postproc.process import AXIS_SHARE
 from postproc.records import dataclass
-from postproc.units import DEG
+from postproc.units import DEG, TURN
 
 TIE_TRAVEL = 1e-7
 """Weight of travel that only breaks ties."""
@@ -175,10 +175,10 @@ def _round_about(problem: Problem, spin: FloatArray, free: BoolArray) -> FloatAr
     """
     wishes, low, high = problem.cell.optimize, *problem.cell.optimize.range
     step = wishes.spin_round or _FINEST
-    count = int(np.ceil(wishes.step / step - 1e-9)) if len(problem.settings.spins) > 1 else 0
+    count = int(np.ceil(wishes.step / step - ROUNDING)) if len(problem.settings.spins) > 1 else 0
     spins = (np.round(spin[:, None] / step) + np.arange(1 - count, count)) * step
-    inside = (spins >= low - 1e-9) & (spins <= high + 1e-9)
-    inside |= high - low >= 2.0 * np.pi - 1e-9
+    inside = (spins >= low - ROUNDING) & (spins <= high + ROUNDING)
+    inside |= high - low >= TURN - ROUNDING
     return rounded_spin(np.where(inside & free[:, None], spins, spin[:, None]))
 
 
@@ -207,7 +207,7 @@ def pinned_spins(problem: Problem, tags: IndexArray) -> tuple[FloatArray, IndexA
     base = given[::fine]
     spins = np.tile(given, (len(tags), 1))
     for row in np.flatnonzero(~np.isnan(pins)).tolist():
-        off = np.abs(np.mod(base - pins[row] + np.pi, 2.0 * np.pi) - np.pi)
+        off = np.abs(np.mod(base - pins[row] + np.pi, TURN) - np.pi)
         spins[row], column[row] = pins[row], int(np.argmin(off)) * fine
     return spins, column
 
@@ -320,7 +320,7 @@ def ladder_of(
     position = states.q
     change = _price_of_change(problem)
     if options.steady:  # more coordinates, equal for the same posture
-        apart = np.sqrt(change / max(float(weight[rule == Rule.FREE].max(initial=0.0)), 1e-9))
+        apart = np.sqrt(change / max(float(weight[rule == Rule.FREE].max(initial=0.0)), ROUNDING))
         bits = (apart * _bits(np.arange(BRANCHES), options.steady)).astype(np.float32)
         position = np.hstack([position, bits[states.branch]])
     tolls = _tolls(options.parted, states.q, _PARTED * change)
@@ -475,7 +475,7 @@ def bridges_of(
     length = np.diff(between.way[tags], prepend=0.0)
     turn = STEADY_TURN * np.maximum(length / BRIDGED, 1.0)
     turn[fast_turns | ~between.is_cut[tags] | pinned | np.append(False, pinned[:-1])] = np.pi
-    is_closed, carried = high - low >= 2.0 * np.pi - 1e-9, between.carried[tags]
+    is_closed, carried = high - low >= TURN - ROUNDING, between.carried[tags]
     bridges = Bridges(states, stride, is_closed, loose, carried, turn)
     ladder.joins = bridges
     if len(states.tilts) > 1:

@@ -27,6 +27,7 @@ from postproc.planning.states import (
     tilt_frames,
 )
 from postproc.records import dataclass
+from postproc.units import TURN
 
 _SHARES = np.arange(1.0, 8.0) / 8.0
 """Where on a cut the tilt of the tool is checked."""
@@ -133,7 +134,7 @@ class TiltSteps:
         spin to spin: of a full circle once around, else backwards and forwards.
         """
         step = int(np.gcd(self.stride[i - 1], self.stride[i]))
-        if not self.closed or abs(self._width * self._spacing(i) - 2.0 * np.pi) > TINY:
+        if not self.closed or abs(self._width * self._spacing(i) - TURN) > TINY:
             count = (self._width - 1) // step + 1
             return step, count, np.arange(1 - count, count)
         step = int(np.gcd(step, self._width))

@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from postproc.arrays import AT_ONCE, BoolArray, FloatArray, IndexArray, numbered, taken
+from postproc.arrays import AT_ONCE, ROUNDING, BoolArray, FloatArray, IndexArray, numbered, taken
 from postproc.planning.states.pricing import Orientation, as_given, costs_of
 from postproc.planning.states.problem import Problem
 from postproc.planning.states.stroke_ends import StrokeEnds
@@ -240,7 +240,7 @@ def turn_range(
 
     Of all joints (m, 6), or of one (m,).
     """
-    margin = problem.cell.limits.joint_margin - 1e-9
+    margin = problem.cell.limits.joint_margin - ROUNDING
     q_min = np.asarray(problem.kinematics.q_min)[joint]
     q_max = np.asarray(problem.kinematics.q_max)[joint]
     low = np.ceil((q_min + margin - q) / TURN)

@@ -18,7 +18,7 @@ from dataclasses import field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray, taken
+from postproc.arrays import ROUNDING, BoolArray, FloatArray, IndexArray, taken
 from postproc.cell import Cell
 from postproc.errors import PlanError
 from postproc.geometry import inverse, rotation_about, rotation_from_vector, transform
@@ -26,6 +26,7 @@ from postproc.model import ToolPath
 from postproc.paths import Externals
 from postproc.planning.states.tilt import tilt_vectors
 from postproc.records import dataclass
+from postproc.units import TURN
 
 SPIN_GRID = 1e-9
 """Spins are rounded to multiples of this [rad] before poses are built."""
@@ -270,7 +271,7 @@ def transported(direction: FloatArray, start: FloatArray) -> FloatArray:
     across[0] = u / np.linalg.norm(u)
     cross = np.cross(direction[:-1], direction[1:])
     cosine = np.einsum("ij,ij->i", direction[:-1], direction[1:])
-    opposite = np.nonzero(cosine < -1.0 + 1e-9)[0]
+    opposite = np.nonzero(cosine < -1.0 + ROUNDING)[0]
     if len(opposite):
         raise PlanError(
             "PLN201",
@@ -291,10 +292,10 @@ def spin_values(step: float, low: float, high: float) -> FloatArray:
 
     A range of a full turn or more gives [-180, 180) degrees: no spin stands in the grid twice.
     """
-    if high - low >= 2.0 * np.pi - 1e-9:
-        count = max(1, int(np.floor(2.0 * np.pi / step + 1e-9)))
+    if high - low >= TURN - ROUNDING:
+        count = max(1, int(np.floor(TURN / step + ROUNDING)))
         return rounded_spin((np.arange(count) - count // 2) * step)
-    first, last = int(np.ceil(low / step - 1e-9)), int(np.floor(high / step + 1e-9))
+    first, last = int(np.ceil(low / step - ROUNDING)), int(np.floor(high / step + ROUNDING))
     if last < first:
         return rounded_spin(np.full(1, 0.5 * (low + high)))
     return rounded_spin(np.arange(first, last + 1) * step)
@@ -302,7 +303,7 @@ def spin_values(step: float, low: float, high: float) -> FloatArray:
 
 def finer_spins(step: float, low: float, high: float, fine: int) -> FloatArray:
     """Return the grid of ``spin_values`` with ``fine`` spins to each of its own (S,) [rad]."""
-    if high - low < 2.0 * np.pi - 1e-9:
+    if high - low < TURN - ROUNDING:
         return spin_values(step / fine, low, high)
     between = np.arange(fine) * (step / fine)
     return rounded_spin((spin_values(step, low, high)[:, None] + between).ravel())

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.arrays import ROUNDING, BoolArray, FloatArray, IndexArray
 from postproc.cell import Cell, PathEntry
 from postproc.geometry import angle_between, twist_about
 from postproc.kinematics import Kinematics, wrist_distance
@@ -229,7 +229,9 @@ class Problem:
 
     def regular(self, q: FloatArray) -> BoolArray:
         """Return (m,) whether the wrist keeps its distance from the straight pose."""
-        return np.asarray(wrist_distance(self.kinematics, q) >= self.cell.limits.singularity - 1e-9)
+        return np.asarray(
+            wrist_distance(self.kinematics, q) >= self.cell.limits.singularity - ROUNDING
+        )
 
 
 def nearest_turn(q: FloatArray, q_near: FloatArray) -> FloatArray:
@@ -267,6 +269,6 @@ def path_normals(toolpath: ToolPath, placement: Placement) -> FloatArray:
     across = np.cross(axis, along)
     size = np.linalg.norm(across, axis=1, keepdims=True)
     stand_in = placement.R_base_tcp @ cross_axes(placement.tool_axis)[1]
-    normal = np.where(size > 1e-9, across / np.maximum(size, 1e-9), stand_in)
+    normal = np.where(size > ROUNDING, across / np.maximum(size, ROUNDING), stand_in)
     R_robroot_base = placement.base(placement.external)[..., :3, :3]
     return np.asarray(normal[:, None] @ np.swapaxes(R_robroot_base, -1, -2))[:, 0]

@@ -9,7 +9,7 @@ import itertools
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import ROUNDING, BoolArray, FloatArray
 from postproc.cell import TiltRange
 from postproc.geometry import rotation_from_vector, turned_between
 from postproc.model import CUTS, MotionKind, ToolPath
@@ -90,7 +90,7 @@ def _across(way: FloatArray, axis: FloatArray) -> FloatArray:
     """Return the unit directions (m, 3) of ways across axes, NaN where a way has (nearly) none."""
     flat = way - np.einsum("ij,ij->i", way, axis)[:, None] * axis
     size, length = np.linalg.norm(flat, axis=1), np.linalg.norm(way, axis=1)
-    good = (length > 1e-9) & (size > PLUNGING * length)
+    good = (length > ROUNDING) & (size > PLUNGING * length)
     return np.where(good[:, None], flat / np.maximum(size, 1e-12)[:, None], np.nan)
 
 
@@ -205,9 +205,9 @@ def coarsest(allowed: TiltRange) -> int:
 
 def _values(limits: tuple[float, float], step: float) -> list[float]:
     low, high = limits
-    first, last = int(np.ceil(low / step - 1e-9)), int(np.floor(high / step + 1e-9))
+    first, last = int(np.ceil(low / step - ROUNDING)), int(np.floor(high / step + ROUNDING))
     inner = [i * step for i in range(first, last + 1)]
-    ends = [end for end in limits if min(abs(end - value) for value in inner) > 1e-9]
+    ends = [end for end in limits if min(abs(end - value) for value in inner) > ROUNDING]
     return sorted([*inner, *ends])
 
 

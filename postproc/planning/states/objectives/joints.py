@@ -7,7 +7,7 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.kinematics import smallest_singular_value, wrist_distance
 from postproc.planning.states.costs import TRAVEL_UNIT, StateContext, objective
-from postproc.units import DEG
+from postproc.units import DEG, TURN
 
 AMPLE = 7.0 * DEG
 """Margin [rad] to limits and straight wrist of which more is not better."""
@@ -69,7 +69,7 @@ def singularity(context: StateContext) -> FloatArray:
 @objective("spin")
 def spin(context: StateContext) -> FloatArray:
     """Return the squared spin against the reference, in units of 10 degrees."""
-    off = np.mod(context.spin + np.pi, 2.0 * np.pi) - np.pi
+    off = np.mod(context.spin + np.pi, TURN) - np.pi
     return np.asarray((off / TRAVEL_UNIT) ** 2)
 
 
