@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
-from functools import cached_property
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from postproc.planning.job import Job, problem_of
 from postproc.planning.repairs import Level
 from postproc.planning.repeats import with_repeats
 from postproc.planning.search import ordered, ordered_by_place
-from postproc.planning.solve import Rank, rank, repaired, with_tried
+from postproc.planning.solve import Planned, repaired, with_tried
 from postproc.planning.states import PlanOptions, Settings, settle
 from postproc.planning.stretches import plan_stretches
 from postproc.process import (
@@ -70,7 +69,7 @@ def plan(
     return with_tried(*repaired(_Ways(toolpath, cell, options, progress), Level.WAYS))
 
 
-class _Ways:
+class _Ways(Planned):
     """The presets and orders of which the quickest plan counts, those asked for first.
 
     Neither an order that is looked for nor short ways for their own sake are always quicker.
@@ -89,21 +88,11 @@ class _Ways:
             for preset, order in itertools.product(presets, orders)
         ]
 
-    def renew(self) -> None:
-        """Forget the plan."""
-        self.__dict__.pop("made", None)
-
-    @cached_property
-    def made(self) -> Plan:
-        """The plan."""
+    def make(self) -> Plan:
+        """Return the plan of the way that is next."""
         cell = self._left[0]
         job = Job(settle(cell, self._options)[1], self._options, self._progress)
         return _plan_in(job, self._toolpath, cell)
-
-    @property
-    def rank(self) -> Rank:
-        """Its rank."""
-        return rank(self.made.findings, self.made.cycle_time)
 
     def change(self) -> bool:
         """Take the next way to plan, if there is one."""

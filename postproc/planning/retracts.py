@@ -9,7 +9,6 @@ are tried.
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cached_property
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from postproc.planning.external import plan_with_external_axes
 from postproc.planning.job import Job
 from postproc.planning.repairs import Level
 from postproc.planning.repeats import as_of
-from postproc.planning.solve import Rank, rank, repaired, with_tried
+from postproc.planning.solve import Planned, repaired, with_tried
 from postproc.planning.states import REENTRY
 from postproc.units import DEG
 
@@ -40,46 +39,34 @@ def _served(job: Job, toolpath: ToolPath, cell: Cell) -> Plan:
     return plan_of(job, toolpath, cell)
 
 
-class _Cuts:
+class _Cuts(Planned):
     """The cuts of a toolpath, and at which tags they are left: last tag of each, and the place."""
 
     def __init__(self, job: Job, toolpath: ToolPath, cell: Cell) -> None:
         self._job, self._path, self._cell = job, toolpath, cell
         self._places: dict[int, int] = {}
+        self._stuck = self._broken = np.zeros(0, dtype=np.int64)
 
-    def renew(self) -> None:
-        """Forget the plan."""
-        self.__dict__.pop("_left", None)
-
-    @cached_property
-    def _left(self) -> tuple[Plan, IndexArray, IndexArray]:
-        """The plan, the places that the tool cannot leave, the tags at which cuts break."""
+    def make(self) -> Plan:
+        """Return the plan; note the places that the tool cannot leave, and where cuts break."""
         if not self._places:
             made = _served(self._job, self._path, self._cell)
-            return made, np.zeros(0, dtype=np.int64), made.failing_tags
+            self._broken = made.failing_tags
+            return made
         at = np.unique(np.array(list(self._places.values()), dtype=np.int64))
-        return _left_at(self._job, self._path, self._cell, at)
-
-    @property
-    def made(self) -> Plan:
-        """The plan."""
-        return self._left[0]
-
-    @property
-    def rank(self) -> Rank:
-        """Its rank."""
-        return rank(self.made.findings, self.made.cycle_time)
+        made, self._stuck, self._broken = _left_at(self._job, self._path, self._cell, at)
+        return made
 
     def change(self) -> bool:
         """Take other places at which cuts are left; return whether that may help."""
         if not self._cell.motion.retract_in_cuts or not self.made.errors:
             return False
-        (_, stuck, broken), places = self._left, self._places
+        broken, places = self._broken, self._places
         kind = np.asarray(self._path.kind)
         known = any(place <= tag <= end for end, place in places.items() for tag in broken.tolist())
         if known or not (broken >= 1).all() or not np.isin(kind[broken], CUTS).all():
             return False
-        for end in [end for end, place in places.items() if place in stuck]:
+        for end in [end for end, place in places.items() if place in self._stuck]:
             place = end - max(1, 2 * (end - places[end]))
             if place < 2 or not np.isin(kind[place - 1 : end], CUTS).all():
                 return False

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from functools import cached_property
 from typing import Protocol, TypeVar, cast
 
 import numpy as np
@@ -94,6 +95,28 @@ def repaired(state: State[M], level: Level) -> tuple[M, Counter[str]]:
             in_vain[repair.name] += 1
         tried[repair.name] += 1
         state.renew()
+
+
+class Planned:
+    """A level that makes whole plans."""
+
+    def make(self) -> Plan:
+        """Return the plan as things are."""
+        raise NotImplementedError
+
+    @cached_property
+    def made(self) -> Plan:
+        """The plan."""
+        return self.make()
+
+    @property
+    def rank(self) -> Rank:
+        """Its rank."""
+        return rank(self.made.findings, self.made.cycle_time)
+
+    def renew(self) -> None:
+        """Forget the plan."""
+        self.__dict__.pop("made", None)
 
 
 def tried_for(plan: Plan) -> Counter[str]:

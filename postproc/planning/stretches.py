@@ -21,13 +21,12 @@ from postproc.model import Plan, ToolPath
 from postproc.planning.external import travel_moves
 from postproc.planning.job import Job
 from postproc.planning.retracts import with_retracts
+from postproc.planning.route import FOLDED
 from postproc.process import ToolStretch, switched_off
 from postproc.units import DEG
 
-_FOLDED = (-90.0, 90.0, 0.0, 30.0, 0.0)
-"""A2 to A6 of an arm that keeps close to itself [deg]."""
-_SIDES = (0.0, 90.0, -90.0, 45.0, -45.0, 135.0, -135.0)
-"""A1 of it [deg], tried in turn."""
+_SIDES = np.array([0.0, 90.0, -90.0, 45.0, -45.0, 135.0, -135.0]) * DEG
+"""A1 of a folded arm [rad], tried in turn."""
 
 
 def plan_stretches(job: Job, toolpath: ToolPath, cell: Cell, stretches: list[ToolStretch]) -> Plan:
@@ -115,7 +114,7 @@ def free_posture(cell: Cell, frames: Iterable[tuple[int, int]] = ((0, 0),)) -> F
     from postproc.collision import Scene
 
     kinematics = build(cell.robot)
-    postures = np.array([(side, *_FOLDED) for side in _SIDES]) * DEG
+    postures = np.array([(side, *FOLDED) for side in _SIDES])
     free = kinematics.within_limits(postures, cell.limits.joint_margin)
     for tool, base in sorted(frames):
         free &= ~Scene.shared(cell.with_tool(tool, base), kinematics).check(postures).hit

@@ -18,6 +18,8 @@ from postproc.units import DEG
 
 MakeChecker = Callable[[Cell], Checker]
 _STANDING = np.zeros(0)
+FOLDED = np.array([-90.0, 90.0, 0.0, 30.0, 0.0]) * DEG
+"""A2 to A6 of an arm that keeps close to itself [rad]."""
 
 
 def cell_at(cell: Cell, values: FloatArray) -> Cell:
@@ -44,10 +46,7 @@ def travel_between(
     """Return a pose that is free while the external axes move, with free ways to and from it."""
     margin = cell.limits.joint_margin
     low, high = np.asarray(cell.robot.q_min) + margin, np.asarray(cell.robot.q_max) - margin
-    folded = [
-        np.clip([a1, -90.0 * DEG, 90.0 * DEG, 0.0, 30.0 * DEG, 0.0], low, high)
-        for a1 in (float(q_from[0]), 0.0)
-    ]
+    folded = [np.clip([a1, *FOLDED], low, high) for a1 in (float(q_from[0]), 0.0)]
     home = [] if cell.motion.home is None else [np.asarray(cell.motion.home)]
     first, last = (make_checker(cell_at(cell, place)) for place in places)
     for pose in (*home, *folded, q_from, q_to):

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.arrays import TINY, BoolArray, FloatArray, IndexArray
 from postproc.errors import Finding, Severity
 from postproc.ladder import NONE, Rule
 from postproc.planning.checks import Checker
@@ -19,7 +19,6 @@ from postproc.records import dataclass
 
 _ROUNDS = 8
 """So often at most key tags for less loss are added: each time up to as many as there are."""
-ROUNDING = 1e-6
 DEFAULT_BOUND = 0.05
 """Bound of the strategy ``smooth`` where the cell sets none."""
 _SPACING = 0.01
@@ -84,7 +83,7 @@ class LossBound:
     @property
     def least(self) -> FloatArray:
         """(n,) [N/m] the index at the bound."""
-        return np.asarray((1.0 - self.bound - ROUNDING) * self.best)
+        return np.asarray((1.0 - self.bound - TINY) * self.best)
 
     def more_keys(self, keys: BoolArray, loss: FloatArray) -> IndexArray:
         """Return tags to make key: between two key tags the one that loses most beyond it."""
@@ -108,7 +107,7 @@ def loss_report(problem: Problem, loss: FloatArray, tags: IndexArray, bound: flo
             f"; loss against each tag's own optimum: mean {100.0 * float(np.nanmean(loss)):.2f} %, "
             f"largest {100.0 * float(loss[worst]):.2f} % at tag {problem.toolpath.tag_name(worst)}"
         )
-    if not np.nan_to_num(loss, nan=0.0).max(initial=0.0) > bound + ROUNDING:
+    if not np.nan_to_num(loss, nan=0.0).max(initial=0.0) > bound + TINY:
         return Finding(Severity.NOTE, "PLN304", text)
     return Finding(
         Severity.WARNING,
