@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from postproc.cell.cell import MeshPlacement
+from postproc.cell.cell import MeshPlacement, Tool
 from postproc.collision.scene import Scene
+from postproc.geometry import rotation_from_abc, transform
 from postproc.model.toolpath import Cycle, MotionKind
 from postproc.planning.checks.feasible import Checker
 from postproc.planning.job import problem_of
@@ -163,3 +164,24 @@ def test_what_is_near_on_lines_is_found_once(seed):
             if abs(k - place) <= far]  # fmt: skip
     assert found == sorted(set(near))
     assert (np.abs(at[row] - where) <= far).all()
+
+
+@pytest.mark.parametrize("rows", [(8, 3), (10, 2)])
+def test_of_mirror_images_the_one_of_the_smaller_spins_counts(rows, make_cell, make_path):
+    """A panel in the plane of the arm is drilled as well by families turned by half a turn."""
+    across, up = rows
+    y, z = np.meshgrid(np.linspace(-0.45, 0.45, across), np.linspace(1.0, 1.4, up))
+    y[1::2] *= -1.0
+    points = np.stack([np.full(y.size, 2.072), y.ravel(), z.ravel()], axis=1)
+    cycles = (Cycle("drill", 0.0, 0.002, 0.01, feed=0.002),)
+    cycle = np.zeros(y.size, dtype=int)
+    across_flange = transform(
+        rotation_from_abc(np.array([0.0, -90.0, -180.0]) * DEG), [0.36, 0, 0.34]
+    )
+    head = Tool(1, "angle head", across_flange, np.array([0.0, 0.0, 1.0]))
+    toolpath = make_path(points, [-1.0, 0, 0], MotionKind.HOLE, cycle=cycle, cycles=cycles)
+    cell, settings = settle(replace(make_cell(), tools=(head,)), PlanOptions())
+    problem = problem_of(toolpath, cell, settings)
+    search = PoseSearch.of(Checker(problem, None), np.arange(y.size))
+    spin = search.states.spin_of(search.run().path)
+    assert (np.cos(spin) > 0.0).all()

@@ -85,6 +85,10 @@ _ROUND = 1e-5
 """A spin is round that is nearer to it, in such steps: the grid of poses rounds as well."""
 FINER_PRICE = 0.01
 """What a spin between round ones has to gain: 1 % of stiffness, less than any arm is known to."""
+TURNED_PRICE = 0.01
+"""What a spin of half a turn has to gain: 1 % of stiffness, and the less the nearer to a quarter.
+Two families of poses that are mirror images of each other cost almost the same in all; then one
+hole more or less turned the whole panel, if nothing told them apart at every hole by itself."""
 ROUNDER = 2
 """Of round spins every second one; the others have to gain as much. It halves how many holes turn
 where a base is measured anew by some mm or a tool is ground, for .1 % of stiffness."""
@@ -238,9 +242,12 @@ def states_on(
         owner = states.tag_of(np.arange(len(states.q)))
         column = states.column % spins.shape[-1]
         states.cost[pinned[owner] & (column != pin[owner])] = np.inf
+    spin = states.spin_of(np.arange(len(states.q)))
     if options.each:
-        spin = states.spin_of(np.arange(len(states.q)))
         states.cost += _TIE_SPIN * (spin / TRAVEL_UNIT) ** 2
+    else:
+        is_hole = np.repeat(problem.strokes.is_stroke[tags], np.diff(states.offsets))
+        states.cost[is_hole] += TURNED_PRICE * np.maximum(-np.cos(spin[is_hole]), 0.0)
     return states, pinned | (options.window is not None), edges
 
 
