@@ -7,7 +7,16 @@ import traceback
 
 import FreeCAD
 import Part
-from PathScripts import PathDrilling, PathJob, PathPostProcessor, PathProfile
+
+try:
+    from Path.Main import Job as PathJob
+    from Path.Op import Drilling as PathDrilling
+    from Path.Op import Profile as PathProfile
+    from Path.Post.Processor import PostProcessor, PostProcessorFactory
+except ImportError:  # before FreeCAD 1.0
+    from PathScripts import PathDrilling, PathJob, PathPostProcessor, PathProfile
+
+    PostProcessorFactory = None
 
 HOLES = ((20, 20), (180, 20), (20, 100), (180, 100))
 
@@ -44,17 +53,39 @@ def make_job():
     ]
     drilling.PeckEnabled = True
     FreeCAD.ActiveDocument.recompute()
-    return [controller, *job.Operations.Group]
+    return job
+
+
+def posted(job, target):
+    """Return what the post processor gives for the whole job, as this FreeCAD calls it."""
+    import postproc_krl_addon
+
+    postproc_krl_addon.choose_cell(job, os.environ["CELL"])
+    if PostProcessorFactory is None:
+        items = [*job.Tools.Group, *job.Operations.Group]
+        post = PathPostProcessor.PostProcessor.load("postproc_krl")
+        return {"text": post.export(items, target, job.PostProcessorArgs)}
+    job.PostProcessorOutputFile = target
+    parts = PostProcessorFactory.get_post_processor(job, "postproc_krl").export()
+    answer = {"text": parts[0][1], "exists": PostProcessor.exists("postproc_krl")}
+    job.Fixtures, job.SplitOutput, job.OrderOutputBy = ["G54", "G55"], True, "Fixture"
+    job.PostProcessorOutputFile = target.replace("plate", "two")
+    job.PostProcessorArgs += " --no-convert"
+    answer["parts"] = [part for part, _ in by_factory(job)]
+    return answer
+
+
+def by_factory(job):
+    return PostProcessorFactory.get_post_processor(job, "postproc_krl").export() or []
 
 
 def main():
-    preferences = FreeCAD.ParamGet("User parameter:BaseApp/Preferences/Macro")
-    preferences.SetString("MacroPath", os.environ["POST_FOLDER"])
-    items = make_job()
-    post = PathPostProcessor.PostProcessor.load("postproc_krl")
-    answer = {"commands": [[c.Name, c.Parameters] for o in items for c in o.Path.Commands]}
+    answer = {}
     try:
-        answer["text"] = post.export(items, os.environ["TARGET"], os.environ["ARGUMENTS"])
+        job = make_job()
+        items = [*job.Tools.Group, *job.Operations.Group]
+        answer["commands"] = [[c.Name, c.Parameters] for o in items for c in o.Path.Commands]
+        answer |= posted(job, os.environ["TARGET"])
     except Exception:  # noqa: BLE001 - handed to the test
         answer["error"] = traceback.format_exc()
     pathlib.Path(os.environ["ANSWER"]).write_text(json.dumps(answer))

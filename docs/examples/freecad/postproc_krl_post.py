@@ -1,12 +1,14 @@
 """FreeCAD CAM post processor that hands a job's toolpath to postproc and gets KUKA KRL back.
 
-Copy this file into FreeCAD's macro folder and choose ``postproc_krl`` as the job's post processor
-with the arguments ``--cell=/path/cell.toml``. The job's toolpath becomes an APT/CL file beside the
-output, postproc converts it with all its checks, and NAME.src and NAME.dat appear. FreeCAD's
-coordinates are the cell's workpiece frame. postproc may live in a Python of its own: name its
-command by ``--postproc=`` or by the environment variable POSTPROC when it is not on the PATH.
+Choose ``postproc_krl`` as the job's post processor, with the arguments ``--cell=/path/cell.toml``.
+The job's toolpath becomes an APT/CL file beside the output file of the job, postproc converts it
+with all its checks, and NAME.src and NAME.dat appear there. FreeCAD's coordinates are the cell's
+workpiece frame; a base of the cell claims a work offset of the job by ``cam = ["54"]``, a tool its
+number or its name. postproc may live in a Python of its own: name its command by ``--postproc=`` or
+by the environment variable POSTPROC when it is not on the PATH.
 
-Only FreeCAD and the standard library are used. FreeCAD 0.20 to 1.0.
+FreeCAD 1.0 and newer find the class ``Postproc_Krl``, older ones the function ``export``. Only
+FreeCAD and the standard library are used.
 """
 
 # ruff: noqa: ANN001, ANN201, ANN202, ANN204 - FreeCAD's objects have no types
@@ -15,8 +17,14 @@ import argparse
 import math
 import os
 import pathlib
+import re
 import shlex
 import subprocess
+
+try:
+    from Path.Post.Processor import PostProcessor as _Base
+except ImportError:  # before FreeCAD 1.0
+    _Base = object
 
 TOOLTIP = "KUKA KRL by postproc: checked for reach, limits, singularities and collisions."
 TOOLTIP_ARGS = """Arguments:
@@ -35,15 +43,74 @@ SMALL = 1e-6
 PLANES = {"G17": (0, 1, 2), "G18": (2, 0, 1), "G19": (1, 2, 0)}
 CENTRES = ("I", "J", "K")
 SPINDLE = {"M3": "CLW", "M03": "CLW", "M4": "CCLW", "M04": "CCLW"}
-SILENT = {
-    *("G21", "G40", "G43", "G49", "G54", "G55", "G56", "G57", "G58", "G59", "G80", "G90", "G94"),
-    *("M2", "M02", "M30"),
-}
+SILENT = {*("G21", "G40", "G43", "G49", "G80", "G90", "G94"), *("M2", "M02", "M30")}
+OFFSETS = re.compile(r"G(5[4-9](?:\.\d+)?)")
+LONGEST = 24
+"""Characters of the name of a KRL program."""
 FLAT = {"G0": "G00", "G1": "G01", "G2": "G02", "G3": "G03"}
 
 
 class PostError(Exception):
     """The job holds something that cannot be handed on, or postproc refused it."""
+
+
+class Postproc_Krl(_Base):  # noqa: N801 - FreeCAD's factory makes this name of the file's
+    """What FreeCAD 1.0 and newer find: a job, split as it says, to programs beside its output."""
+
+    def __init__(self, job):
+        if _Base is object:
+            raise PostError("this class is for FreeCAD 1.0 and newer")
+        super().__init__(job, tooltip=TOOLTIP, tooltipargs=TOOLTIP_ARGS, units="Metric")
+
+    def export(self):
+        """Write the programs of all parts of the job, and return them where FreeCAD may write."""
+        from Path.Post.Utils import FilenameGenerator
+
+        names = FilenameGenerator(job=self._job)
+        generated = names.generate_filenames()
+        parts, whole = [], True
+        for part, items in self._buildPostList():
+            names.set_subpartname("" if part == "allitems" else part)
+            name = next(generated)
+            text = export(_with_tool(items), name, self._job.PostProcessorArgs)
+            parts.append((part, text))
+            whole = whole and pathlib.Path(name) == program_file(name)
+        # FreeCAD writes what it gets into its own files: only where they are the programs' own
+        return parts if whole else []
+
+    @property
+    def tooltip(self):
+        """What it does, in a line."""
+        return TOOLTIP
+
+    @property
+    def tooltipArgs(self):
+        """What the arguments are."""
+        return TOOLTIP_ARGS
+
+
+def _with_tool(items):
+    """Return the objects of a part of a job behind their tool, as a whole job begins."""
+    of_tools = [item for item in items if hasattr(item, "ToolNumber")]
+    used = [getattr(item, "ToolController", None) for item in items]
+    first = next((tool for tool in used if tool is not None), None)
+    return [first, *items] if first is not None and first not in of_tools else list(items)
+
+
+def program_file(filename):
+    """Return the file of the program for an output file of FreeCAD: its name is one of KRL."""
+    target = pathlib.Path(filename) if filename not in ("", "-") else _asked_file()
+    name = re.sub(r"\W", "_", target.stem, flags=re.ASCII)[:LONGEST]
+    name = name if name[:1].isalpha() or name[:1] == "_" else f"P{name}"[:LONGEST]
+    return target.with_name(name + ".src")
+
+
+def _asked_file():
+    """Return a file beside the open document, for a FreeCAD that gives no name."""
+    import FreeCAD
+
+    document = pathlib.Path(FreeCAD.ActiveDocument.FileName or "job")
+    return document.with_suffix(".src")
 
 
 def export(objectslist, filename, argstring):
@@ -52,15 +119,15 @@ def export(objectslist, filename, argstring):
     FreeCAD calls this with the objects of a job in the order in which they are machined.
     """
     arguments = _arguments(argstring)
-    target = pathlib.Path(filename) if filename not in ("", "-") else pathlib.Path("job.src")
+    target = program_file(filename)
     apt = target.with_suffix(".apt")
     apt.write_text(apt_of(objectslist, target.stem), encoding="ascii", errors="replace")
     if arguments.no_convert:
         return apt.read_text(encoding="ascii")
     _convert(apt, target, arguments)
-    written = target.with_suffix(".src")
-    _say(f"postproc wrote {written}")
-    return written.read_bytes().decode("latin-1")
+    _say(f"postproc wrote {target}")
+    text = target.read_bytes().decode("latin-1")
+    return text.replace("\r\n", "\n") if os.linesep == "\r\n" else text
 
 
 def _arguments(argstring):
@@ -124,8 +191,9 @@ def _add(writer, item):
     if not hasattr(item, "Path") or not getattr(item, "Active", True):
         return
     commands = _path_of(item).Commands
-    if any(command.Name in MOTIONS for command in commands):
-        writer.operation(getattr(item, "Label", ""))
+    if any(command.Name.upper() in MOTIONS for command in commands):
+        controller = getattr(item, "ToolController", None)
+        writer.operation(getattr(item, "Label", ""), getattr(controller, "Label", ""))
     for command in commands:
         writer.command(command.Name, dict(command.Parameters))
 
@@ -156,16 +224,20 @@ class _AptWriter:
         self.initial = None
         self.returns_high = True
         self.cycle = None
+        self.is_on = [False, False]
+        """Spindle and coolant, which the end of the job stops."""
 
     def text(self):
         """Return the file."""
         self._end_cycle()
-        return "\n".join([*self.lines, "FINI"]) + "\n"
+        ends = [line for is_on, line in zip(self.is_on, ENDS, strict=True) if is_on]
+        return "\n".join([*self.lines, *ends, "FINI"]) + "\n"
 
-    def operation(self, label):
-        """Begin an operation."""
+    def operation(self, label, tool):
+        """Begin an operation, with the tool of its tool controller."""
         self._end_cycle()
-        self.lines.append("TOOL PATH/{}".format(_plain(label).replace(",", " ")))
+        names = [_plain(name).replace(",", " ") for name in (label, tool) if name]
+        self.lines.append("TOOL PATH/" + ",TOOL,".join(names or ["job"]))
 
     def command(self, name, words):
         """Take one command."""
@@ -202,15 +274,21 @@ class _AptWriter:
         if name in ("M6", "M06"):
             self._end_cycle()
             self.lines.append("LOADTL/{}".format(int(words.get("T", 0))))
+        elif OFFSETS.fullmatch(name):
+            self.lines.append("ZERO/" + name[1:])
         elif name in SPINDLE:
+            self.is_on[0] = True
             self.lines.append(
                 "SPINDL/RPM,{},{}".format(_number(words.get("S", 0.0)), SPINDLE[name])
             )
         elif name in ("M5", "M05"):
+            self.is_on[0] = False
             self.lines.append("SPINDL/OFF")
         elif name in ("M7", "M07", "M8", "M08"):
+            self.is_on[1] = True
             self.lines.append("COOLNT/{}".format("MIST" if name in ("M7", "M07") else "FLOOD"))
         elif name in ("M9", "M09"):
+            self.is_on[1] = False
             self.lines.append("COOLNT/OFF")
         elif name in ("M0", "M00", "M1", "M01"):
             self.lines.append("STOP" if name in ("M0", "M00") else "OPSTOP")
@@ -290,6 +368,7 @@ class _AptWriter:
             self.cycle = None
 
 
+ENDS = ("SPINDL/OFF", "COOLNT/OFF")
 DRILLS = {"G81": "DRILL", "G82": "DRILL", "G83": "DEEP", "G73": "BRKCHP", "G85": "BORE"}
 MOTIONS = {"G0", "G00", "G1", "G01", "G2", "G02", "G3", "G03", *DRILLS}
 
