@@ -1,7 +1,8 @@
 """Jobs that are good, broken by one thing at a time; what broke them is known.
 
 A drilled panel on its table, flat or upright, drilled by a straight or an angled spindle of one of
-three arms, with a post and a rack about. ``broken`` changes one number of it.
+three arms, with a post and a rack about; or the same panel milled around, from a rail, or by two
+tools. ``broken`` changes one number of it.
 """
 
 import re
@@ -9,6 +10,7 @@ import sys
 import tempfile
 import time
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +38,7 @@ KINDS = {
     "pin": "pin",
 }
 """What is broken, and words of the sentence that names it."""
+WORKS = ("drill", "mill", "rail", "tools")
 ROBOTS = ("kuka_kr500_r2830", "kuka_kr600_r2830", "kuka_kr210_r2700_2")
 
 
@@ -58,6 +61,7 @@ class Draw:
     unit: str = "mm"
     frame_scale: float = 1.0
     pins: str = ""
+    work: str = "drill"
 
     @property
     def reach(self):
@@ -75,21 +79,32 @@ class Draw:
         )
         frame = [round(float(v) * self.frame_scale, 9) for v in self.at]
         where = np.round(table[:3, 3] * 1e3, 3).tolist()
+        tool = f"""frame = {{ xyz_mm = {tcp} }}
+axis = "{self.axis or axis}"
+cutter = {{ diameter_mm = 10, length_mm = 100 }}
+meshes = [
+    {{ name = "spindle", cylinder = {{ radius_mm = 60, length_mm = 130 }}, {place} }}{self.tool}
+]
+"""
+        tools = f"[tool]\nnumber = 1\n{tool}"
+        if self.work == "tools":  # the other one is as it was
+            other = replace(self, work="drill", axis="", tool="").text()
+            other = other[
+                other.index("[tool]") + len("[tool]\nnumber = 1\n") : other.index("[work")
+            ]
+            one, two = (f'[[tools]]\nnumber = {n}\ncam = ["{n}"]\n' for n in (1, 2))
+            tools = f"{one}{tool}{two}{other}"
+        rail = ""
+        if self.work == "rail":
+            rail = '[[external_axes]]\nname = "E1"\nkind = "rail"\naxis = "+y"\n'
+            rail += "range_mm = [-600, 600]\nspeed_mm_s = 1000\n"
         return f"""\
 schema = "postproc.cell/1"
 name = "broken"
 [robot]
 model = "{self.robot}"
 {self.robot_keys}
-[tool]
-number = 1
-frame = {{ xyz_mm = {tcp} }}
-axis = "{self.axis or axis}"
-cutter = {{ diameter_mm = 10, length_mm = 100 }}
-meshes = [
-    {{ name = "spindle", cylinder = {{ radius_mm = 60, length_mm = 130 }}, {place} }}{self.tool}
-]
-[workpiece]
+{tools}[workpiece]
 number = 1
 frame = {{ xyz_mm = {frame}, abc_deg = {list(self.abc)} }}
 meshes = [
@@ -117,7 +132,33 @@ spindle = "unit"
 feed_mm_min = 300
 [import]
 units = "{self.unit}"
-{self.pins}"""
+{self.pins}{rail}"""
+
+    def write(self, folder: Path):
+        """Write the input; return its path."""
+        if self.work == "mill":
+            x, y = np.abs(self.points[:, :2]).max(axis=0) + 20.0
+            corners = [(-x, -y), (x, -y), (x, y), (-x, y), (-x, -y)]
+            goto = [f"GOTO/{a:g},{b:g},0,0,0,1" for a, b in corners]
+            head = ["PARTNO/P", "UNITS/MM", "MULTAX", "RAPID", f"GOTO/{-x:g},{-y:g},60,0,0,1"]
+            lines = [
+                *head,
+                "FEDRAT/600,MMPM",
+                *goto,
+                "RAPID",
+                f"GOTO/{-x:g},{-y:g},60,0,0,1",
+                "FINI",
+            ]
+            (folder / "part.apt").write_text("\n".join(lines) + "\n")
+            return folder / "part.apt"
+        several = self.work == "tools"
+        rows = "\n".join(
+            f"H{k},{x:g},{y:g},{z:g},0,0,1,8{f',{1 + k % 2}' if several else ''}"
+            for k, (x, y, z) in enumerate(self.points)
+        )
+        head = "id,x,y,z,i,j,k,depth" + (",tool" if several else "")
+        (folder / "holes.csv").write_text(f"{head}\n{rows}\n")
+        return folder / "holes.csv"
 
 
 def drawn(rng):
@@ -206,22 +247,21 @@ def load_limits(robot):
 
 def converted(draw, folder: Path):
     """Write the files of a job and convert it; None where it is refused before it is planned."""
-    rows = "\n".join(f"H{k},{x:g},{y:g},{z:g},0,0,1,8" for k, (x, y, z) in enumerate(draw.points))
-    (folder / "holes.csv").write_text(f"id,x,y,z,i,j,k,depth\n{rows}\n")
+    source = draw.write(folder)
     (folder / "cell.toml").write_text(draw.text())
     try:
         cell = load_cell(folder / "cell.toml")
-        request = ConvertRequest(str(folder / "holes.csv"), str(folder / "cell.toml"))
+        request = ConvertRequest(str(source), str(folder / "cell.toml"))
         return convert(request, None, read_toolpath(request, cell), cell)
     except PostprocError:
         return None
 
 
-def broken(kind, seed, folder: Path, most=30):
+def broken(kind, seed, folder: Path, work="drill", most=30):
     """Return the draw and the broken conversion of it; draws that break nothing are passed over."""
     rng = np.random.default_rng([sorted(KINDS).index(kind), seed])
     for _ in range(most):
-        draw = drawn(rng)
+        draw = replace(drawn(rng), work=work)
         if kind == "side" and draw.abc[1] == 0.0:
             continue
         done = converted(draw, folder)
@@ -256,9 +296,9 @@ def cured(draw, done, cause, folder):
     return convert(ConvertRequest(done.toolpath.path, str(folder / "cured.toml"))).good
 
 
-def told(kind, seed, folder):
+def told(kind, seed, folder, work="drill"):
     """Return the first cause of a broken job, and what is wrong with it; None where not drawn."""
-    found = broken(kind, seed, folder)
+    found = broken(kind, seed, folder, work)
     if found is None:
         return None
     draw, done = found
@@ -269,20 +309,22 @@ def told(kind, seed, folder):
     return first, wrong
 
 
-def main(kinds, seeds):
-    """Tell what is said of broken jobs: ``python -m tests.jobs.broken KINDS SEEDS``."""
+def main(kinds, seeds, works=("drill",)):
+    """Tell what is said of broken jobs: ``python -m tests.jobs.broken KINDS SEEDS WORKS``."""
     right = count = 0
     for kind in kinds:
-        for seed in seeds:
+        for seed, work in product(seeds, works):
             with tempfile.TemporaryDirectory() as folder:
                 start = time.process_time()
-                found = told(kind, seed, Path(folder))
+                found = told(kind, seed, Path(folder), work)
             if found is None:
-                sys.stdout.write(f"{kind} {seed} not drawn\n")
+                sys.stdout.write(f"{kind} {work} {seed} not drawn\n")
                 continue
             count, right = count + 1, right + (not found[1])
             took = f"{time.process_time() - start:.1f} s"
-            line = f"{kind} {seed} {took} {' and '.join(found[1]) or 'right'} {found[0].text}\n"
+            line = (
+                f"{kind} {work} {seed} {took} {' and '.join(found[1]) or 'right'} {found[0].text}\n"
+            )
             sys.stdout.write(line)
             sys.stdout.flush()
     sys.stdout.write(f"{right} of {count} named and cured\n")
@@ -292,4 +334,5 @@ if __name__ == "__main__":
     main(
         list(KINDS) if sys.argv[1:2] in ([], ["all"]) else sys.argv[1].split(","),
         [int(seed) for seed in (sys.argv[2] if len(sys.argv) > 2 else "0,1,2,3").split(",")],
+        (sys.argv[3] if len(sys.argv) > 3 else "drill").split(","),
     )
