@@ -15,6 +15,7 @@ from postproc.errors import RunKind
 from postproc.jobs.check_cell import CellCheck
 from postproc.jobs.convert import Conversion
 from postproc.jobs.drawing import drawing_of
+from postproc.jobs.place import PlaceJob
 from postproc.jobs.simulated_path import setups_of
 from postproc.jobs.trade import HEAD
 from postproc.kinematics import build, wrist_distance
@@ -22,6 +23,7 @@ from postproc.model import ToolPath
 from postproc.paths import Paths
 from postproc.planning import FailingPose, colliding_pose, near_solids, plan_maps
 from postproc.report.pages.cell import Stance, cell_page
+from postproc.report.pages.place import place_page
 from postproc.report.pages.program import lead, program_data, program_page
 from postproc.report.pages.verify import MOST_ROWS, RunMaps, texts_by_motion, verify_page
 from postproc.report.pages.workbench import page_json
@@ -79,8 +81,7 @@ def page_of_cell(checked: CellCheck) -> bytes:
     """Return the page of a cell: the robot at home, or upright (A2 -90, A3 90) without one."""
     cell = checked.cell
     kinematics = build(cell.robot)
-    home = cell.motion.home
-    q = _upright(cell) if home is None else np.asarray(home)
+    home, q = cell.motion.home, _stance(cell)
     colliding: list[tuple[tuple[str, ...], ...]] = []
     clearance = np.inf
     for tool in range(len(cell.tools)):
@@ -117,7 +118,16 @@ def page_of_verification(
     return verify_page(report, drawing_of(cell, every=True), maps, toolpath)
 
 
-def _upright(cell: Cell) -> FloatArray:
+def page_of_place(job: PlaceJob) -> bytes:
+    """Return the page of a search for the best place."""
+    drawing = drawing_of(job.cell, every=True)
+    return place_page(drawing, _stance(job.cell), job.reach, job.ranked, job.document)
+
+
+def _stance(cell: Cell) -> FloatArray:
+    """Return the arm (6,) [rad] at home, or upright without one."""
+    if cell.motion.home is not None:
+        return np.asarray(cell.motion.home)
     upright = np.array([0.0, -90.0, 90.0, 0.0, 0.0, 0.0]) * DEG
     inside = np.all((upright >= cell.robot.q_min) & (upright <= cell.robot.q_max))
     return upright if inside else np.zeros(6)

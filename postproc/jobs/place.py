@@ -15,6 +15,7 @@ from postproc.cell import Cell, cell_changes, edited_cell, frame_document
 from postproc.errors import CellError, Finding, SourceRef, UsageError
 from postproc.geometry import inverse, kuka_from_transform, rotation_z, transform_from_kuka
 from postproc.jobs.convert import Conversion, ConvertRequest, convert, document, smallest_clearance
+from postproc.jobs.paged import Paged
 from postproc.kinematics import build
 from postproc.model import ToolPath
 from postproc.planning import NEAR, Rank, Reach
@@ -46,8 +47,8 @@ _Point = tuple[float, float, float, float]
 """X, Y, Z [mm] and the turn about the vertical [deg] of what moves."""
 
 
-@dataclass(frozen=True, slots=True)
-class PlaceJob:
+@dataclass(frozen=True)
+class PlaceJob(Paged):
     """The place found: what moves, the cell with it, the plan that proves it, and all ranked.
 
     ``reach``: share of the compared tags in reach at every place of the search; ``ranked``: those
@@ -103,6 +104,12 @@ class PlaceJob:
                 "plans": self.plans,
             },
         }
+
+    def page(self) -> bytes:
+        """Return the page that shows how good each place is."""
+        from postproc.jobs.pages import page_of_place
+
+        return page_of_place(self)
 
     def cell_file(self, output: str | Path) -> bytes:
         """Write the cell with the place.

@@ -49,6 +49,7 @@ Examples:
     help="What is moved: the part with all setups, the robot, or the rail with the robot on it.",
 )
 @click.option("-o", "--output", metavar="CELL2.toml", help="Write the cell with the place found.")
+@click.option("--report", metavar="FILE.html", help="Write a page that shows how good places are.")
 @reading_options
 @standard_options
 def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
@@ -67,6 +68,8 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         job = place(toolpath, cell, options["box"], options["free"], options["move"], progress)
     if options["output"] and job.good:
         write_files({Path(options["output"]): job.cell_file(options["output"])})
+    if options["report"]:
+        job.report(options["report"])
     content = job.document
     if not job.good:
         session.findings(job.findings)
