@@ -13,7 +13,9 @@ from postproc.cell import Cell
 from postproc.errors import DataError, PostprocError, SourceRef
 from postproc.files import write_files
 from postproc.geometry import transform_from_kuka
+from postproc.jobs.causes import Cause
 from postproc.jobs.convert import Conversion
+from postproc.jobs.place import PlaceJob
 from postproc.planning import SpinMap, TagPoses, replanned
 from postproc.records import dataclass
 from postproc.report.pages.workbench import (
@@ -25,6 +27,7 @@ from postproc.report.pages.workbench import (
 )
 from postproc.units import DEG
 from postproc.workbench.edits import (
+    PART,
     Edits,
     Thing,
     carrier_of,
@@ -70,6 +73,8 @@ class Bench:
         self._mapped: tuple[bytes, str] | None = None
         self._key: tuple[bytes, str] | None = None
         self._state: dict[str, Any] = {"busy": True, "progress": [0, 0, "read"]}
+        self._causes: Sequence[Cause] = ()
+        self._place = b""
 
     # ---- what is asked of the planner -----------------------------------------------------------
 
@@ -89,8 +94,15 @@ class Bench:
         """The edits as they are now."""
         return self._steps[self._at]
 
-    def _plan(self) -> None:
-        """Ask for the plan of the edits as they are now."""
+    def ask(self, task: str) -> None:
+        """Ask why the plan that is shown has failed, or for a better place of the part."""
+        with self._lock:
+            self._require_shown()
+            self._plan(task)
+
+    def _plan(self, task: str = "plan") -> None:
+        """Ask for the plan of the edits as they are now, or for what else can be told of them."""
+        self._causes = () if task == "plan" else self._causes
         self._number += 1
         self._state = {"busy": True, "progress": [0, 0, "read"]}
         try:
@@ -98,11 +110,14 @@ class Bench:
         except PostprocError as error:
             self._state = {"busy": False, "error": str(error), "hint": error.hint or ""}
             return
-        key = raw, str(moved_file(self.cell, self.edits))
+        # a cure is told by keys of the file that is there
+        path = self.cell if task == "why" else moved_file(self.cell, self.edits)
+        key = raw, str(path)
         pins = self.edits.pins_csv() if self.edits.pins else b""
-        self._planner.ask(
-            Order(self._number, str(self.source), *key, pins, map_too=self._mapped != key)
-        )
+        wanted = task == "plan" and self._mapped != key
+        self._planner.ask(Order(self._number, str(self.source), *key, pins, wanted, task))
+        if task != "plan":
+            return
         self._mapped = None if self._mapped != key else key
         self._key = key
 
@@ -133,6 +148,10 @@ class Bench:
                 )
                 still = not self._shown or not self._shown.conversion.cell.external_axes
                 self._mapped = self._key if still else None
+            elif what == "why":
+                self._causes = content
+            elif what == "place":
+                self._take_place(content)
             elif what == "done":
                 self._state["busy"] = False
             elif what == "failed":
@@ -140,6 +159,21 @@ class Bench:
             elif self._state["busy"]:
                 text = "the planner has ended: out of memory, or ended by the system"
                 self._state = {"busy": False, "error": text, "hint": "reload starts it again"}
+
+    def _take_place(self, job: PlaceJob) -> None:
+        """Keep the page of a place that was found, and move the part there."""
+        self._place = job.page()
+        if not job.good:
+            told = job.document
+            text = f"no good place was found; the best serves {told['tags_good']} of {told['tags']}"
+            self._state["error"] = f"{text} tags"
+        else:
+            edits = self.edits
+            for thing in things(job.cell):
+                if thing[0] == PART:
+                    frame = frame_of(job.cell, thing)
+                    edits = edits.moved(thing, frame["xyz_mm"], frame["abc_deg"])
+            self._edit(edits)
 
     # ---- edits ----------------------------------------------------------------------------------
 
@@ -186,6 +220,17 @@ class Bench:
             self._require_place(thing, xyz_mm, abc_deg)
             self._edit(self.edits.moved(thing, xyz_mm, abc_deg))
 
+    def cure(self, cause: int) -> None:
+        """Change the cell as a cause says.
+
+        Raises:
+            DataError: UI010 if there is no such cause, or its cure is nothing in the cell.
+        """
+        with self._lock:
+            if not 0 <= cause < len(self._causes) or not self._causes[cause].changes:
+                raise self._wrong("this is nothing that the cell file could cure")
+            self._edit(self.edits.cured(self.cell, self._causes[cause].changes))
+
     def step(self, by: int) -> None:
         """Undo (-1) or do again (+1) an edit; nothing where there is none."""
         with self._lock:
@@ -210,7 +255,7 @@ class Bench:
         with self._lock:
             edits, cell = self.edits, moved_file(self.cell, self.edits)
             raw = edits.cell_toml(self.cell)
-        files = {cell: raw} if edits.frames else {}
+        files = {cell: raw} if edits.of_cell else {}
         call = f"postproc convert {self.source} --cell {cell} -o out"
         if edits.pins:
             pins = pins_file(self.cell, self.source)
@@ -237,12 +282,21 @@ class Bench:
                 "redo": len(self._steps) - 1 - self._at,
                 "things": _things(shown.conversion.cell) if shown else [],
                 "good": bool(shown and shown.conversion.good),
+                "causes": [
+                    {"text": cause.text, "cell": bool(cause.changes)} for cause in self._causes
+                ],
+                "has_place": bool(self._place),
             }
 
     def page(self) -> bytes:
         """Return the data of the plan, gzip of JSON; of nothing where there is no plan."""
         with self._lock:
             return self._shown.page if self._shown else gzip.compress(b"null")
+
+    def place(self) -> bytes:
+        """Return the page of the last search for a better place."""
+        with self._lock:
+            return self._place
 
     def spins(self) -> bytes:
         """Return the map over the spin, as ``page``."""

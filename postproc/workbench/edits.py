@@ -11,11 +11,20 @@ from pathlib import Path
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.cell import Cell, cell_changes, edited_cell, frame_document, load_cell, refitted
+from postproc.cell import (
+    Cell,
+    cell_changes,
+    edited_cell,
+    frame_document,
+    load_cell,
+    parse_cell,
+    refitted,
+)
 from postproc.files import read_bytes
 from postproc.geometry import inverse, transform_from_kuka
 from postproc.kinematics import build
 from postproc.records import dataclass
+from postproc.toml import Location
 
 PART, TOOL, FIXTURE = "part", "tool", "fixture"
 KINDS = (PART, TOOL, FIXTURE)
@@ -29,10 +38,36 @@ Frame = tuple[tuple[float, ...], tuple[float, ...]]
 
 @dataclass(frozen=True, slots=True)
 class Edits:
-    """All that differs from the files given: tag to spin [deg], things to their frames."""
+    """All that differs from the files given: tag to spin [deg], things to their frames.
+
+    ``keys``: of the cell file, changed before things were moved.
+    """
 
     pins: Mapping[str, float] = field(default_factory=dict)
     frames: Mapping[Thing, Frame] = field(default_factory=dict)
+    keys: Mapping[Location, object] = field(default_factory=dict)
+
+    @property
+    def of_cell(self) -> bool:
+        """Whether the cell file differs."""
+        return bool(self.frames or self.keys)
+
+    def cured(self, path: Path, changes: Mapping[Location, object]) -> Edits:
+        """Return the edits with keys of the cell file changed, whatever is moved now.
+
+        Raises:
+            CellError: as ``load_cell``.
+        """
+        return replace(self, frames={}, keys={**self._changes(path), **changes})
+
+    def _changes(self, path: Path) -> dict[Location, object]:
+        """Return what differs in the cell file."""
+        cell = load_cell(path)
+        before = parse_cell(edited_cell(cell, self.keys, path), path) if self.keys else cell
+        there = before
+        for thing, (xyz, abc) in sorted(self.frames.items()):
+            there = placed(there, thing, transform_from_kuka(xyz, abc))
+        return {**self.keys, **cell_changes(before, there)}
 
     def pinned(self, tag: str, spin_deg: float | None) -> Edits:
         """Return the edits with a tag pinned to a spin [deg], or with ``None`` not any more."""
@@ -59,12 +94,9 @@ class Edits:
             CellError: as ``load_cell``.
             ReadError: if the file is missing or unreadable.
         """
-        if not self.frames:
+        if not self.of_cell:
             return read_bytes(path)
-        cell = there = load_cell(path)
-        for thing, (xyz, abc) in sorted(self.frames.items()):
-            there = placed(there, thing, transform_from_kuka(xyz, abc))
-        return edited_cell(cell, cell_changes(cell, there), moved_file(path, self))
+        return edited_cell(load_cell(path), self._changes(path), moved_file(path, self))
 
 
 def things(cell: Cell) -> dict[Thing, str]:
@@ -114,7 +146,7 @@ def placed(cell: Cell, thing: Thing, T: FloatArray) -> Cell:
 
 def moved_file(cell: Path, edits: Edits) -> Path:
     """Return where the cell with these edits stands: beside the one given, or that one itself."""
-    return cell.with_name(f"{cell.stem}.moved.toml") if edits.frames else cell
+    return cell.with_name(f"{cell.stem}.moved.toml") if edits.of_cell else cell
 
 
 def pins_file(cell: Path, source: Path) -> Path:

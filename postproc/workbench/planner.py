@@ -11,7 +11,7 @@ import signal
 import tempfile
 import threading
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from multiprocessing.sharedctypes import Synchronized
@@ -20,11 +20,16 @@ from typing import Any
 
 from postproc.cell import Cell, parse_cell
 from postproc.errors import PostprocError
-from postproc.jobs.convert import Conversion, ConvertRequest, convert
+from postproc.jobs.convert import Conversion, ConvertRequest, convert, explained, read_toolpath
 from postproc.jobs.pages import workbench_data
-from postproc.planning import SpinMap, spin_map
+from postproc.jobs.place import PlaceJob, place
+from postproc.planning import spin_map
 from postproc.records import dataclass
+from postproc.units import MM
 
+_AROUND = 1000.0
+"""How far [mm] a better place is looked for along each axis where no solid keeps the part off."""
+Report = Callable[[int, int, str], None]
 Listener = Callable[[int, str, Any], None]
 """Called with the number of an order, what it is about, and the thing itself."""
 
@@ -33,7 +38,8 @@ Listener = Callable[[int, str, Any], None]
 class Order:
     """What to plan: the input, the bytes of the cell and where it stands, pins as CSV.
 
-    ``map_too``: the map over the spin has to be made anew.
+    ``map_too``: the map over the spin has to be made anew. ``task``: ``plan``; ``why`` the plan has
+    failed, with cures; or a better ``place`` of the part.
     """
 
     number: int
@@ -42,6 +48,7 @@ class Order:
     cell_path: str
     pins: bytes
     map_too: bool = True
+    task: str = "plan"
 
 
 class _OutdatedError(BaseException):
@@ -52,16 +59,20 @@ class Planner:
     """One process that takes one order at a time; a new order makes it leave the one before."""
 
     def __init__(self, listener: Listener) -> None:
-        """Take whom to tell ``progress``, ``plan``, ``map``, ``failed`` and ``ended``."""
+        """Take whom to tell of progress, of what was asked, of ``failed`` and ``ended``."""
         self._context = multiprocessing.get_context("spawn")
         self._wanted: Synchronized[int] = self._context.Value("q", 0)
         self._listener = listener
         self._process: BaseProcess | None = None
         self._pipe: Connection | None = None
+        self._deaf = False
 
     def ask(self, order: Order) -> None:
         """Let an order be worked on instead of all before."""
         self._wanted.value = order.number
+        if self._deaf:  # causes are looked for without a pause in which they could be left
+            self.close()
+        self._deaf = order.task == "why"
         if self._process is None or not self._process.is_alive() or self._pipe is None:
             self._start()
         if self._pipe is not None:
@@ -92,6 +103,7 @@ class Planner:
                     self._listener(self._wanted.value, "ended", None)
                 return
             if number == self._wanted.value:
+                self._deaf = self._deaf and what not in ("done", "failed")
                 self._listener(number, what, content)
 
 
@@ -123,12 +135,8 @@ class _Worker:
             self._pipe.send((order.number, "progress", (done, total, what)))
 
         try:
-            conversion = self._converted(order, progress)
-            page = workbench_data(conversion)
-            self._pipe.send((order.number, "plan", (conversion, page)))
-            if order.map_too:
-                spins: SpinMap = spin_map(conversion.plan, conversion.cell, progress)
-                self._pipe.send((order.number, "map", spins))
+            for what, content in self._answers(order, progress):
+                self._pipe.send((order.number, what, content))
             self._pipe.send((order.number, "done", None))
         except _OutdatedError:
             pass
@@ -140,15 +148,42 @@ class _Worker:
             text = traceback.format_exc().strip().splitlines()[-1]
             self._pipe.send((order.number, "failed", (f"a bug of postproc: {text}", "")))
 
-    def _converted(self, order: Order, progress: Callable[[int, int, str], None]) -> Conversion:
+    def _answers(self, order: Order, progress: Report) -> Iterator[tuple[str, Any]]:
+        """Yield what is asked for, as it comes."""
+        if order.task == "place":
+            yield "place", self._placed(order, progress)
+            return
+        conversion, request = self._converted(order, progress)
+        if order.task == "why":
+            progress(0, 0, "causes")
+            yield "why", [cause for cause in explained(conversion, request).causes]
+            return
+        yield "plan", (conversion, workbench_data(conversion))
+        if order.map_too:
+            yield "map", spin_map(conversion.plan, conversion.cell, progress)
+
+    def _placed(self, order: Order, progress: Report) -> PlaceJob:
+        """Return the best place; within a metre of the present one where no solid tells more."""
+        cell = self._cell_of(order)
+        origin = cell.T_robroot_base[:3, 3] / MM
+        box = [*(origin - _AROUND), *(origin + _AROUND)]
+        has_solid = any(base.meshes for base in cell.bases)
+        toolpath = read_toolpath(ConvertRequest(order.source, order.cell_path), cell)
+        return place(toolpath, cell, None if has_solid else box, progress=progress)
+
+    def _converted(self, order: Order, progress: Report) -> tuple[Conversion, ConvertRequest]:
         progress(0, 0, "read")
-        if self._known != (order.cell, order.cell_path) or self._cell is None:
-            self._cell = parse_cell(order.cell, order.cell_path)
-            self._known = order.cell, order.cell_path
+        cell = self._cell_of(order)
         with tempfile.TemporaryDirectory(prefix="postproc_pins") as folder:
             pins = Path(folder) / "pins.csv"
             pins.write_bytes(order.pins)
             request = ConvertRequest(
                 order.source, order.cell_path, pins=str(pins) if order.pins else None
             )
-            return convert(request, progress, cell=self._cell)
+            return convert(request, progress, cell=cell), request
+
+    def _cell_of(self, order: Order) -> Cell:
+        if self._known != (order.cell, order.cell_path) or self._cell is None:
+            self._cell = parse_cell(order.cell, order.cell_path)
+            self._known = order.cell, order.cell_path
+        return self._cell

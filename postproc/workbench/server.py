@@ -78,6 +78,7 @@ class Workbench:
                 "state": lambda: JSONResponse(bench.state(), headers=_HEADERS),
                 "plan": lambda: packed(bench.page()),
                 "map": lambda: packed(bench.spins()),
+                "place": lambda: _shown(bench.place()),
             }
 
         def route(name: str, answer: Callable[[], Response]) -> Route:
@@ -97,6 +98,9 @@ class Workbench:
             "around": lambda asked: bench.around(_whole(asked, "tag")),
             "reach": lambda asked: bench.reach(_thing(asked), *_frame(asked)),
             "move": lambda asked: bench.move(_thing(asked), *_frame(asked)),
+            "why": lambda asked: bench.ask("why"),
+            "place": lambda asked: bench.ask("place"),
+            "cure": lambda asked: bench.cure(_whole(asked, "cause")),
             "undo": lambda asked: bench.step(-1),
             "redo": lambda asked: bench.step(1),
             "reload": lambda asked: bench.reload(),

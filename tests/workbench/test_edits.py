@@ -101,6 +101,36 @@ def test_reach_of_a_moved_part_is_that_of_convert(bench, tmp_path):
     assert code == 1
 
 
+def test_why_and_its_cure_as_keys_of_the_cell(bench, tmp_path):
+    """What is applied is what ``convert`` then calls good; undo takes it back, a move stays."""
+    bench.move(("part", 0), [4550.0, 0.0, 1000.0], [-90.0, 0.0, 90.0])
+    assert not settled(bench.state)["good"]
+    bench.ask("why")
+    (cause,) = settled(bench.state)["causes"]
+    assert "out of reach" in cause["text"]
+    assert cause["cell"]
+    bench.cure(0)
+    state = settled(bench.state)
+    assert state["good"]
+    assert state["causes"] == []
+    assert 1000.0 < state["things"][0]["xyz_mm"][0] < 4550.0
+    code, _ = converted(bench.save()["call"], tmp_path)
+    assert code == 0
+    bench.step(-1)
+    assert not settled(bench.state)["good"]
+
+
+@pytest.mark.slow
+def test_the_best_place_is_gone_to(bench):
+    assert not bench.state()["has_place"]
+    bench.ask("place")
+    state = settled(bench.state)
+    assert state["good"], state
+    assert state["has_place"]
+    assert state["undo"] == 1
+    assert b"as the full plan proves" in bench.place()
+
+
 def test_the_neighbourhood_is_planned_at_once_and_all_else_stays(bench):
     """The pin counts, tags far from it keep their spin; the plan that is shown is not touched."""
     plan = bench._shown.conversion.plan

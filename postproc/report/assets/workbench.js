@@ -85,7 +85,26 @@ function showState() {
   byId("undo").disabled = !state.undo;
   byId("redo").disabled = !state.redo;
   byId("save").disabled = state.undo === 0;
+  byId("why").hidden = state.good || !state.plan;
+  byId("places").hidden = !state.has_place;
+  showCauses();
   if (state.error) complain(state.hint ? `${state.error} (${state.hint})` : state.error);
+}
+
+// why tags fail, each with what cures it
+let told = "";
+function showCauses() {
+  const causes = state.causes ?? [];
+  if (JSON.stringify(causes) === told) return;
+  told = JSON.stringify(causes);
+  const rows = causes.map(({ text, cell }, cause) => {
+    const row = element("p", { className: "cause" }, `${text} `);
+    const apply = element("button", { textContent: "apply", title: "change the cell so" });
+    apply.addEventListener("click", () => edit("cure", { cause }));
+    if (cell) row.append(apply);
+    return row;
+  });
+  byId("causes").replaceChildren(...rows);
 }
 
 // ---- the plan -----------------------------------------------------------------------------------
@@ -280,7 +299,7 @@ const places = new Places(complain, {
 // ---- the page -----------------------------------------------------------------------------------
 
 byId("move").addEventListener("click", () => edit("move", places.frame()));
-for (const name of ["undo", "redo", "reload"])
+for (const name of ["undo", "redo", "reload", "why", "place"])
   byId(name).addEventListener("click", () => edit(name));
 byId("save").addEventListener("click", async () => {
   const found = await edit("save");

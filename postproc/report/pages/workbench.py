@@ -111,8 +111,10 @@ _STATUS_HTML = (
     + _button("redo", "redo", "Ctrl+Y")
     + _button("save", "save", "write pins and cell beside the cell file")
     + _button("reload", "reload", "read cell and input again")
+    + _button("why", "why", "why tags fail, and the least that cures it")
     + '<progress id="progress" max="1"></progress><span id="doing" role="status"></span></div>'
     '<p id="error" class="bad" role="alert"></p><p id="saved"></p>'
+    '<div id="causes"></div>'
 )
 _MAP_HTML = (
     '<canvas id="map" height="300" tabindex="0" aria-label="spin by tag: arrows move, Enter pins">'
@@ -134,6 +136,8 @@ _PLACE_HTML = (
     )
     + _button("move", "plan here", "plan with the part at this place")
     + _button("back", "back", "the place of the plan")
+    + _button("place", "best place", "look for the best place of the part, and move it there")
+    + '<a id="places" href="place" target="_blank" rel="noopener" hidden>how good each place is</a>'
     + '</div><p id="reach" class="soft" role="status">mm and deg as the cell file has them: parts '
     "in the robot root, tools on the flange, fixtures in the world; the handle in the 3D view does "
     "the same</p>"
