@@ -86,7 +86,7 @@ class Archive:
     def _too_large(self) -> str:
         return (
             f"more than {MOST_BYTES >> 20} MB in a file or {MOST_BYTES_IN_ALL >> 20} MB in all: "
-            "no backup of a controller"
+            "not a controller backup"
         )
 
 
@@ -131,7 +131,7 @@ def _open_zip(path: Path) -> Archive:
         text = f"neither a folder nor a whole ZIP archive: {reason}"
         raise ReadError("BAK001", text, source) from None
     if len(entries) > MOST_FILES:
-        raise ReadError("BAK003", f"{len(entries)} files: no backup of a controller", source)
+        raise ReadError("BAK003", f"{len(entries)} files: not a controller backup", source)
     packed: dict[str, zipfile.ZipInfo] = {}
     for entry in entries:
         if not entry.is_dir():
@@ -152,7 +152,7 @@ def _safe_name(entry: zipfile.ZipInfo, source: SourceRef) -> str:
         raise ReadError("BAK002", f"{shown} is a link, expected files", source)
     if entry.file_size > _SMALL and entry.file_size > MOST_RATIO * max(entry.compress_size, 1):
         text = f"{shown} unpacks to {entry.file_size} bytes, {MOST_RATIO} times its size and more"
-        raise ReadError("BAK003", f"{text}: no backup of a controller", source)
+        raise ReadError("BAK003", f"{text}: not a controller backup", source)
     return "/".join(parts)  # without the ./ that some tools write in front
 
 

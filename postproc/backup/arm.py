@@ -34,9 +34,7 @@ def match_arm(machine: Machine) -> ArmMatch:
     if named in same:
         return ArmMatch(load_robot(named), (f"$TRAFONAME {shown}",))
     if named is None and len(same) == 1:
-        text = (
-            f"$TRAFONAME {shown} is no name of a built-in arm; the lengths are those of {same[0]}"
-        )
+        text = f"$TRAFONAME {shown} is no built-in arm; the lengths are those of {same[0]}"
         return ArmMatch(load_robot(same[0]), (text,))
     if named is not None:
         text = f"$TRAFONAME {shown} names {named}, which has other lengths than the machine data"

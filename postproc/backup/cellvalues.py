@@ -63,7 +63,7 @@ def cell_values(controller: Controller, robot: Robot | None = None) -> tuple[Val
 
 
 def _header(controller: Controller) -> Iterator[str]:
-    yield "made from the backup of a controller; what it cannot know stands as a remark"
+    yield "made from the backup of a controller; what it cannot know is a comment"
     said = [("robot", controller.robot_name), ("serial number", controller.serial)]
     said += [("system software", controller.software)]
     known = [f"{word} {text}" for word, text in said if text]

@@ -257,7 +257,7 @@ def compare_external_axes(
             else:
                 text = f"{entry.name} of the controller ({kinematic.name}) is not in the cell: "
                 key = f"external_axes[{entry.name}]"
-                text += "programs leave it where it stands"
+                text += "programs do not move it"
                 yield Difference(key, (), None, entry.name, Severity.WARNING, text)
     for place, axis in own.values():
         text = f"{axis.name} of the cell is not on the controller, it has {_names(controller)}"

@@ -212,7 +212,7 @@ def _unknown(
     slow = [axis.name for axis in axes if axis.speed is None]
     reasons = {
         "its kind is not known": not kind,
-        "where it stands is not in the files": flange is None,
+        "its place is not in the files": flange is None,
         "all its frames are zero, it was never measured": not any(numbers),
         "its frames are out of range": max(map(abs, numbers), default=0.0) > _FARTHEST,
         f"a {kind} of a cell has {kinds.get(kind, '')} axes alone": any(

@@ -53,7 +53,7 @@ def machine_of(data: Variables, robcor: Variables | None) -> Machine:
     notes = []
     root = data.parts("$ROBROOT", _FRAME)
     if root is None:
-        notes.append("no $ROBROOT: the robot root is taken to stand in the world's origin")
+        notes.append("no $ROBROOT: the robot root is taken to be at the world origin")
     speeds = [_speed(data, axis) for axis in AXES]
     if None in speeds:
         notes.append("no $RAT_MOT_AX or $VEL_AXIS_MA: axis speeds are not known from the files")
@@ -84,13 +84,13 @@ def _require_six_axis_arm(data: Variables) -> None:
         raise _no_arm(data, "$TRAFO_AXIS", f"$TRAFO_AXIS is {axes:g}, expected 6")
     for name in ("$DEF_A4FIX", "$DEF_A5LINK", "$A4PAR", "$SPINDLE"):
         if data.get(name) not in (None, False, 0, "FALSE"):
-            raise _no_arm(data, name, f"{name} is set: no arm with a free central hand")
+            raise _no_arm(data, name, f"{name} is set: not an arm with a free spherical wrist")
     if any(data.number("$AXIS_DIR", axis) == 0.0 for axis in AXES):
         raise _no_arm(data, "$AXIS_DIR", "$AXIS_DIR is 0 for one of A1 to A6: no six-axis arm")
 
 
 def _no_arm(data: Variables, name: str, text: str) -> ReadError:
-    hint = "only six-axis arms with a central hand are read from backups; give a URDF for others"
+    hint = "only six-axis arms with a spherical wrist are read from backups; give a URDF for others"
     return ReadError("BAK007", text, data.source(name), hint)
 
 
@@ -145,7 +145,7 @@ def _mixed(data: Variables, robcor: Variables, lengths: tuple[float, ...]) -> st
         lengths_differ = f"; lengths differ: {', '.join(wrong)}" if wrong else ""
         return (
             f"$machine.dat is of {own or 'an unnamed robot'}, $robcor.dat of "
-            f"{other or 'another one'}{lengths_differ}: the files come from two robots, believe "
-            "neither before the plate of the arm was read"
+            f"{other or 'another one'}{lengths_differ}: the files come from two robots, check the "
+            "type plate of the arm"
         )
     return ""

@@ -110,7 +110,7 @@ def _difference(old: bytes | None, new: bytes | None) -> str:
         return ""
     if new is None:
         return "is not made any more"
-    return "is missing" if old is None else "is not what is made now"
+    return "is missing" if old is None else "is not what would be written now"
 
 
 def _report(old: Mapping[str, bytes], new: Mapping[str, bytes], name: str) -> DiffReport:

@@ -146,7 +146,7 @@ def _on_cluster(
     while not why:
         threads = _in_time(lambda: sum(client.nthreads().values()))
         if isinstance(threads, Exception):
-            why = "the scheduler answers no more"
+            why = "the scheduler no longer answers"
             break
         seen = time.monotonic() if threads else seen
         if time.monotonic() - seen > _NO_WORKERS:

@@ -227,10 +227,10 @@ class Tool:
         if self.known_axis is None:
             raise CellError(
                 "CEL031",
-                f"tool {self.number} {self.name!r} has no axis: which axis of its TCP frame points "
-                "into the part is not known",
+                f"tool {self.number} {self.name!r} has no axis, expected the TCP axis that "
+                "points into the part",
                 self.source,
-                'add axis = "+z", or the one that is true on the robot',
+                'add axis = "+z", or the axis that is right on the robot',
             )
         return self.known_axis
 
@@ -523,7 +523,7 @@ class Cell:
         known = ", ".join(f"{tool.number} {tool.name}".strip() for tool in self.tools)
         if number is None:
             message = f"the cell has {len(numbers)} tools: {known}"
-            hint = "say with --tool N which one is on the flange"
+            hint = "name the one on the flange with --tool N"
         else:
             message, hint = f"the cell has no tool {number}", f"it has {known}"
         raise CellError("CEL015", message, SourceRef(self.path), hint)

@@ -46,7 +46,9 @@ def edited_cell(cell: Cell, changes: Mapping[Location, object], output: str | Pa
     """
     if not Path(cell.path).is_file():
         raise CellError(
-            "CEL040", "the cell has no file that could be changed", SourceRef(cell.path)
+            "CEL040",
+            "the cell was not read from a file, so none can be changed",
+            SourceRef(cell.path),
         )
     raw = read_bytes(cell.path)
     toml = cell_toml(cell)

@@ -101,7 +101,7 @@ def _check_routines(toml: TomlText, file: CellFile) -> None:
     for key, name in routines(file.krl.hooks, hole_steps(file.process)).items():
         at: Location = ("krl", "hooks", key)
         if not is_legal(name):
-            text = f"krl.hooks.{key}: {name!r} means something in KRL, expected another name"
+            text = f"krl.hooks.{key}: {name!r} is a KRL word, expected another name"
             raise CellError("CEL017", text, toml.source(at))
         other = keys.setdefault(name.upper(), key)
         if other != key:
@@ -123,5 +123,5 @@ def _told_apart(
         for name in entry.cam:
             other = claims.setdefault(cam_key(name), place)
             if other != place:
-                text = f"{form}: entries {other + 1} and {place + 1} both claim {str(name)!r}"
+                text = f"{form}: entries {other + 1} and {place + 1} both list {str(name)!r}"
                 raise CellError("CEL013", text, toml.source((form, place, "cam")))

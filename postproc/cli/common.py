@@ -213,7 +213,7 @@ def reading_options(function: Callable[P, R]) -> Callable[P, R]:
             metavar="NAME",
             callback=registered("postproc.readers", "READERS", "auto"),
             shell_complete=completion.parts("postproc.readers", "READERS", "auto"),
-            help="Format of the CAM file: auto, apt, csv, delmia, gcode or another one of plugins; "
+            help="Format of the CAM file: auto, apt, csv, delmia, gcode or one of plugins; "
             "default: the cell's, else auto.",
         ),
         click.option(
@@ -236,12 +236,12 @@ def reading_options(function: Callable[P, R]) -> Callable[P, R]:
         click.option(
             "--feed-units",
             type=click.Choice(["mm", "inch"]),
-            help="Feeds are of these a minute where the CAM file's FEDRAT and UNITS contradict.",
+            help="Unit of feeds per minute where FEDRAT and UNITS of the CAM file contradict.",
         ),
         click.option(
             "--arc-sense",
             type=click.Choice(["ccw", "cw"]),
-            help="Way of arcs about their vector where the CAM file leaves it open.",
+            help="Sense of arcs about their vector where the CAM file leaves it open.",
         ),
         click.option(
             "--head",
@@ -252,9 +252,9 @@ def reading_options(function: Callable[P, R]) -> Callable[P, R]:
             "--accept-words",
             metavar="W1,W2",
             default="",
-            help="Words of the CAM file that are known to be harmless; others stop the program.",
+            help="Words of the CAM file that you know to be harmless; others stop the job.",
         ),
-        click.option("--recover", is_flag=True, help="Mend faults that have one possible meaning."),
+        click.option("--recover", is_flag=True, help="Fix faults that have one possible meaning."),
     )
     for option in reversed(options):
         function = option(function)
@@ -273,7 +273,7 @@ def emitter_option(function: Callable[P, R]) -> Callable[P, R]:
         metavar="NAME",
         callback=registered("postproc.emitters", "EMITTERS"),
         shell_complete=completion.parts("postproc.emitters", "EMITTERS"),
-        help="What writes the program, one of plugins; default: the cell's.",
+        help="Emitter that writes the program, see postproc plugins; default: the cell's.",
     )(function)
 
 
@@ -330,7 +330,7 @@ def standard_options(
     """Add ``--json`` and ``--quiet`` to a command; it gets a ``Session`` first."""
 
     @click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
-    @click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
+    @click.option("-q", "--quiet", is_flag=True, help="Print errors only.")
     @functools.wraps(function)
     def wrapper(*args: P.args, **kwargs: P.kwargs) -> R:
         as_json = bool(kwargs.pop("as_json"))

@@ -28,7 +28,7 @@ def ask(options: dict[str, Any], propose: Callable[[], bool], free_home: Callabl
         click.echo("Name of the arm as on its plate; `postproc robots` lists all.", err=True)
         _put(options, "robot", "Robot", "KR 500 R2830", _robot_name)
     _put(options, "tool_xyz", "TCP in the flange, X Y Z [mm]", "0 0 0", numbers(3))
-    _put(options, "tool_abc", "Turn of the TCP frame, A B C [deg]", "0 0 0", numbers(3))
+    _put(options, "tool_abc", "Rotation of the TCP frame, A B C [deg]", "0 0 0", numbers(3))
     if options["tool_axis"] is None:
         choice = click.Choice(AXES)
         question = "TCP axis that points out of the tool into the part"
@@ -48,7 +48,7 @@ def ask(options: dict[str, Any], propose: Callable[[], bool], free_home: Callabl
     if options["workpiece_xyz"] is None:
         question = "CAM origin in the robot root, X Y Z [mm]"
         _put(options, "workpiece_xyz", question, "1500 0 600", numbers(3))
-        question = "Turn of the CAM axes, A B C [deg]"
+        question = "Rotation of the CAM axes, A B C [deg]"
         _put(options, "workpiece_abc", question, "0 0 0", numbers(3))
     _put(options, "base_number", "BASE number on the controller", "1", int)
     _files(options, "workpiece_mesh", "Mesh of the workpiece in CAM coordinates")

@@ -117,7 +117,7 @@ def _not_seen(cell: Cell) -> list[Finding]:
     if len(cell.tools) < 2 or not lost:
         return []
     numbers = ", ".join(str(tool.number) for tool in lost)
-    text = f"where tool {numbers} is while another is mounted is not known: it is not looked at"
+    text = f"no stand for tool {numbers} while another is mounted: it is not checked for collisions"
     return [Finding(Severity.NOTE, "COL107", text, hint="give [[tools]] stand = { xyz_mm = .. }")]
 
 

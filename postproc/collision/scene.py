@@ -77,7 +77,7 @@ class Scene:
             kinematics: the arm of the cell.
 
         Raises:
-            CellError: COL001 a mesh file is missing, cut off or of no known format, COL002 without
+            CellError: COL001 a mesh file is missing, cut off or of unknown format, COL002 without
                 triangles, COL003 with coordinates that are no numbers, COL004 larger than 10 km,
                 COL005 a solid without shape, COL006 numbers in the URDF's collision geometry.
         """
@@ -142,7 +142,7 @@ class Scene:
             Finding(
                 Severity.WARNING,
                 "COL103",
-                f"{body.name} is not closed: a solid wholly inside it would go unnoticed",
+                f"{body.name} is not closed: a solid wholly inside it would be missed",
                 hint="repair the mesh, or leave it if it is a sheet",
             )
             for body, is_closed in zip(self.bodies, self._engine.is_closed, strict=False)
@@ -326,7 +326,7 @@ class Scene:
                 f"point {row + 1} lies {found.distance[row] / MM:.3g} mm off the workpiece, "
                 f"expected at most {farthest / MM:.3g} mm ({len(far)} of {len(found.distance)} "
                 "points do)",
-                hint="check the units of the points and where the workpiece stands",
+                hint="check the units of the points and the workpiece frame",
             )
         return found.normal
 
@@ -337,7 +337,7 @@ class Scene:
         if joints.ndim != 2 or missing not in (0, len(self._cell.external_axes)):
             raise ValueError(f"configurations of shape {joints.shape}, expected (n, 6 + external)")
         if not np.isfinite(joints).all():
-            raise ValueError("configurations must be finite: what is not a number hits nothing")
+            raise ValueError("configurations must be finite numbers")
         return np.ascontiguousarray(np.pad(joints, ((0, 0), (0, missing))))
 
     @property

@@ -50,7 +50,7 @@ def urdf_links(geometry: UrdfGeometry) -> tuple[list[list[Mesh]], list[Finding]]
     findings = []
     for index, lacks in sorted(lacking.items()):
         solids[index] = []
-        text = f"link {index}: {lacks}; a simple hull stands in for it"
+        text = f"link {index}: {lacks}; a simple hull is used"
         findings.append(Finding(Severity.WARNING, "COL102", text))
     return solids, findings
 
@@ -66,7 +66,7 @@ def _solid(collision: ET.Element, path: Path) -> tuple[Mesh | None, str]:
         if file is None or file.suffix.lower() not in _FORMATS:
             return (
                 None,
-                f"collision mesh {shape.get('filename')!r} is missing or of no known format",
+                f"collision mesh {shape.get('filename')!r} is missing or in an unknown format",
             )
         scale = values_of(shape, "scale", 3, 1.0)
         mesh = load_mesh(file, 1.0)

@@ -164,7 +164,7 @@ class _Review:
                     turned.append((by_joints, name, count))
         yield from self._joints_alone(turned)
         for ids, what in (
-            (flips, "the arm stands in another posture at"),
+            (flips, "the arm has another posture at"),
             (detours, "the arm goes another way to"),
         ):
             if ids:

@@ -152,7 +152,7 @@ def _solved(
     if largest > LARGEST:
         raise DataError(
             "CMP001",
-            f"the model asks for shifts of up to {largest / MM:.1f} mm, which no real arm needs",
+            f"the model asks for shifts of up to {largest / MM:.1f} mm, too large for a real arm",
             file.source(next(iter(file.effects), "")),
         )
     return solved
@@ -380,7 +380,7 @@ def _left_out(model: RobotModel, file: ModelFile) -> list[Finding]:
         Finding(
             Severity.WARNING,
             "CMP003",
-            f"{name} is not compensated: a program does not know {', '.join(missing)}",
+            f"{name} is not compensated: a program does not give {', '.join(missing)}",
             source=file.source(name),
         )
         for name, missing in left_out(model).items()
@@ -426,7 +426,7 @@ def _far(plan: Plan, file: ModelFile) -> list[Finding]:
             Severity.WARNING,
             "CMP005",
             f"{len(far)} of {len(working)} working moves are in poses far from all that was "
-            "measured: stiffness is a guess there, the shift a part of what the model says",
+            "measured: stiffness is extrapolated there, and only part of the shift is applied",
             int(plan.tag[far[0]]),
             plan.toolpath.source(int(plan.tag[far[0]])),
             hint="measure in the branch and the turns of A4 and A6 that the program takes",

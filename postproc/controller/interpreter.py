@@ -234,7 +234,7 @@ class Interpreter:
         self._stack[-1].line = statement.line
         text = f"loops and calls add more than {what} to what is written: not run any further"
         if all(run.ends for run in self._stack):
-            self.finding(RunKind.UNJUDGED, f"too long to judge: {text}")
+            self.finding(RunKind.UNJUDGED, f"too long to check: {text}")
         else:
             self.finding(RunKind.ENDLESS, text)
         raise _EndlessError
@@ -344,7 +344,7 @@ class Interpreter:
             self._memory.put(node, value)
 
     def _assign_system(self, node: Reference, value: Any, *, by_form: bool) -> None:  # noqa: ANN401
-        """Set a system variable; what it does and nobody follows is not judged."""
+        """Set a system variable; what it does and nobody follows is not checked."""
         key = self.evaluator.key(node)
         variable = system_variable(node.name)
         if key is None:
@@ -359,7 +359,7 @@ class Interpreter:
             self.state.select_load(value.number)
         elif not self.state.assign(key, value) and not by_form:
             does = "what it does is not known" if variable is None else variable.does
-            self.unjudged(key, f"{key} is set ({does}): its effect on the motion is not judged")
+            self.unjudged(key, f"{key} is set ({does}): its effect on the motion is not checked")
 
     def _assign_still(self, key: str, value: Any, effect: Effect) -> None:  # noqa: ANN401
         """Set a system variable by which no arm moves otherwise."""
@@ -386,7 +386,7 @@ class Interpreter:
                 data.pop(number, None)
             if self._stack and pose != known.get(number):
                 name = f"{node.name}[{number}]"
-                self.unjudged(name, f"{name} is changed: so it stays for all programs that follow")
+                self.unjudged(name, f"{name} is changed: this stays for all later programs")
 
     # ------------------------------------------------------------------------------------- calls
 
@@ -395,7 +395,9 @@ class Interpreter:
         found = self._resolve(name)
         if name == "BAS":
             if found is not None and found[0].name.upper() != name:
-                self.unjudged(name, "BAS is a routine of these files: KUKA's own is what is judged")
+                self.unjudged(
+                    name, "BAS is a routine of these files: KUKA's own is what is checked"
+                )
             self._bas(statement)
             return
         nodes = tuple(_node(value) for value in statement.arguments)
@@ -452,7 +454,7 @@ class Interpreter:
         if command == "INITMOV":
             self._advance.stop()
         if not self.state.bas(command, argument, self._active):
-            self.unjudged(f"BAS(#{command})", f"BAS(#{command}) is not judged")
+            self.unjudged(f"BAS(#{command})", f"BAS(#{command}) is not checked")
         self._missing_frames()
 
     def _resolve(self, name: str) -> tuple[KrlModule, Routine] | None:
@@ -507,7 +509,7 @@ class Interpreter:
     def _instruction(self, statement: Raw) -> None:
         """Pass an instruction that is kept as written, unless it may move the arm."""
         if not is_quiet(statement):
-            text = f"{statement.word} is not judged: it may move the arm or change how it moves"
+            text = f"{statement.word} is not checked: it may move the arm or change how it moves"
             self.unjudged(statement.word, text)
         elif statement.word not in DECLARING:
             self._aside(statement.word)
@@ -559,7 +561,7 @@ class Interpreter:
         seconds = self.evaluator.value(statement.seconds)
         number = float(seconds) if isinstance(seconds, int | float) else math.nan
         if math.isnan(number):
-            self.unjudged("WAIT SEC", "how long is waited is not known here")
+            self.unjudged("WAIT SEC", "the waiting time is not known here")
         elif number > MAX_WAIT:
             text = f"a wait of {number:g} s, expected at most {MAX_WAIT:g} s"
             self.finding(RunKind.WAIT, text)

@@ -198,7 +198,9 @@ class MotionState:
         self.unjudged.append((key, f"{key} is set to something that is not known here"))
 
     def _refused(self, key: str, value: float) -> None:
-        self.unjudged.append((key, f"{key} with {value:g}: the controller takes no such number"))
+        self.unjudged.append(
+            (key, f"{key} with {value:g}: the controller does not accept this number")
+        )
 
     # -------------------------------------------------------------------------------------- frames
 

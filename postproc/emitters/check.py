@@ -139,7 +139,7 @@ def differences(plan: Plan, cell: Cell, read: ReadBack) -> Iterator[Finding]:
     """Yield where a text is not its plan: the first place of each kind."""
     motion = motions_of(plan, read.kind != MoveKind.PTP, read.q)
     if motion is None:
-        yield _error(f"it has not all {len(plan)} moves of the plan, in their order")
+        yield _error(f"it does not have all {len(plan)} moves of the plan in order")
         return
     yield from _unplanned(read, motion)
     for what, bad in _bad(plan, cell, read, motion):
@@ -221,7 +221,7 @@ def _unchecked(cell: Cell) -> EmitError:
     name = cell.krl.emitter
     return EmitError(
         "EMT341",
-        f"the emitter {name!r} cannot read its programs back: none is written unchecked",
+        f"the emitter {name!r} cannot read its programs back: no program is written unchecked",
         SourceRef(cell.path),
-        "use another emitter, or one of its versions that offers read_back",
+        "use another emitter, or a version of it that offers read_back",
     )

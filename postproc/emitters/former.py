@@ -27,8 +27,8 @@ class Former:
         if not self.foreign:
             return ()
         text = (
-            f"{', '.join(self.foreign)}: called as parts of this program, and not known as what a "
-            "former one left: not removed"
+            f"{', '.join(self.foreign)}: named like parts of this program, but not known to be of "
+            "an earlier one: not removed"
         )
         return (Finding(Severity.WARNING, "CNV012", text, source=SourceRef(str(folder))),)
 

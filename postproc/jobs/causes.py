@@ -359,7 +359,7 @@ class _Job:
     def _unproven(self, found: Sequence[tuple[Cure, float]]) -> Cause:
         reason, head = self._head(self._tags)
         blame = ", ".join(cure.blame for cure, _ in found)
-        change = "no change of a rule, a solid, a unit, the tool axis or the place that was tried"
+        change = "no change tried (limits, solids, units, tool axis, position)"
         text = f"{head}: {blame}{'; ' if blame else ''}{change} makes the job good"
         return Cause(len(self._tags), reason, blame, "", None, "", text, False)
 

@@ -186,7 +186,7 @@ def _tool(context: _Context) -> Iterator[Finding]:
         if tool.known_axis is None:
             continue
         if is_coaxial_with_axis_6(context.kinematics, tool.T_flange_tcp, tool.axis):
-            text = "the tool axis lies on A6: turning about it turns A6 alone, no stiffness to gain"
+            text = "the tool axis lies on A6: spin turns A6 only and gains no stiffness"
             yield context.finding(Severity.WARNING, "CEL101", name + text, *at, "frame")
         if np.isnan(tool.mass):
             text = "no mass_kg: the load data of the program are incomplete"
@@ -231,7 +231,9 @@ def _solids(context: _Context) -> Iterator[Finding]:
 def _stiffness(context: _Context) -> Iterator[Finding]:
     cell = context.cell
     if cell.joint_stiffness is None:
-        text = "no joint stiffness, neither here nor of the robot: poses are not optimised for it"
+        text = (
+            "no joint stiffness in the cell or for the robot: poses are not optimised for stiffness"
+        )
         yield context.finding(Severity.WARNING, "CEL107", text, "stiffness")
         return
     if not context.is_given("stiffness.joint_Nmm_per_rad"):
@@ -240,7 +242,7 @@ def _stiffness(context: _Context) -> Iterator[Finding]:
         yield context.finding(Severity.NOTE, "CEL108", text, "robot", "model")
     if cell.robot.payload > 100.0 and float(cell.joint_stiffness.min()) < _SOFTEST_USUAL:
         least = float(cell.joint_stiffness.min()) / NMM_PER_RAD
-        text = f"a joint stiffness of {least:g} N*mm/rad is very soft; is it in N*m/rad?"
+        text = f"a joint stiffness of {least:g} N*mm/rad is very low; is it in N*m/rad?"
         yield context.finding(Severity.WARNING, "CEL109", text, "stiffness", "joint_Nmm_per_rad")
 
 
@@ -287,7 +289,7 @@ def _home(context: _Context) -> Iterator[Finding]:
     cell, kinematics = context.cell, context.kinematics
     home = cell.motion.home
     if home is None:
-        text = "no home_deg: programs begin by a PTP from wherever the arm stands"
+        text = "no home_deg: programs begin with a PTP from wherever the arm is"
         frames = itertools.product(range(len(cell.tools)), range(len(cell.bases)))
         free = free_posture(cell, frames)
         hint = "" if free is None else f"home_deg = {np.round(free / DEG).tolist()} is free"
@@ -298,10 +300,10 @@ def _home(context: _Context) -> Iterator[Finding]:
         text = f"{name}the robot collides at home: {pair}"
         yield context.finding(Severity.ERROR, "CEL112", text, "motion", "home_deg")
     if not kinematics.within_limits(home, cell.limits.joint_margin):
-        text = "home does not keep joint_margin_deg from the limits"
+        text = "home is closer to the limits than joint_margin_deg"
         yield context.finding(Severity.WARNING, "CEL113", text, "motion", "home_deg")
     if float(wrist_distance(kinematics, home)) < cell.limits.singularity:
-        text = "home has a straight wrist (A5 near 0); axis moves there are fine, path moves not"
+        text = "home has a straight wrist (A5 near 0); PTP moves there are fine, path moves are not"
         yield context.finding(Severity.NOTE, "CEL114", text, "motion", "home_deg")
 
 
@@ -351,12 +353,12 @@ def _outline(context: _Context) -> Iterator[Finding]:
     sizes = " and ".join(
         f"links {a} and {b} at {share:.0%}" for (a, b), share in OUTLINE_SHARES.items()
     )
-    text = f"outlines of {robot.name} that meet where the arm does not are tested smaller: {sizes}"
+    text = f"some outlines of {robot.name} are tested at reduced size: {sizes}"
     yield context.finding(Severity.NOTE, "CEL145", text, "robot")
     if not is_measured(robot):
         text = (
-            f"the outline of {robot.name} is that of its size: of other arms that were held out, "
-            "the real body stood out of it by up to 0.2 m; link_meshes are the arm's own"
+            f"no mesh of {robot.name}: its outline is that of arms of its size, out of which real "
+            "arms protrude by up to 0.2 m; give link_meshes of the arm"
         )
         yield context.finding(Severity.NOTE, "CEL144", text, "robot")
 
@@ -376,13 +378,13 @@ def _robot(context: _Context) -> Iterator[Finding]:
     if assumed:
         words = {"qd_max": "speeds", "qdd_max": "accelerations", "q_min": "limits"}
         named = ", ".join(words.get(name, name) for name in assumed if name != "q_max")
-        text = f"numbers of the robot that no source gives, wholly or for some axes: {named}"
+        text = f"no source for these numbers of the robot, or for some axes: {named}"
         yield context.finding(Severity.NOTE, "CEL117", text, "robot")
     if robot.torque_max is not None:
         light = [t.name for t in context.cell.tools if t.com is None or not np.isfinite(t.mass)]
-        text = f"times keep to the torques of the joints: {origins['torque_max'].source}"
+        text = f"times respect the joint torques: {origins['torque_max'].source}"
         if light:
-            text += f"; the weight of tool {', '.join(light)} is not known and does not count"
+            text += f"; the weight of tool {', '.join(light)} is not known and not included"
         yield context.finding(Severity.NOTE, "CEL146", text, "robot")
     if not context.kinematics.is_closed_form:
         text = "this arm has no closed-form inverse kinematics: planning is slow"

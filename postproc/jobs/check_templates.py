@@ -63,7 +63,7 @@ def _silent(cell: Cell, folder: Path, text: str) -> Iterator[Finding]:
             yield Finding(
                 Severity.ERROR,
                 "EMT336",
-                f"the template of {kind} does not call {routine}, which stands for it",
+                f"the template of {kind} does not call {routine}, the routine of this event",
                 source=SourceRef(shown_from(cell.path, file)),
                 hint=f"name the routine that it calls: [krl.hooks] {kind} = ...",
             )

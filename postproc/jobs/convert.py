@@ -404,7 +404,7 @@ def _emit_checked(
         return Program(plan.name, {}), fold(findings), None
     program = emit(plan, cell)
     findings += [
-        Finding(Severity.NOTE, "CNV010", f"{wanted!r} became the program name {got}")
+        Finding(Severity.NOTE, "CNV010", f"{wanted!r} was changed to the program name {got}")
         for wanted, got in program.renamed
     ]
     clock.begin("check")

@@ -335,7 +335,7 @@ def _longer(cell: Cell, blame: str) -> Iterator[Cure]:
     def words(by: float) -> str:
         frame = frame_document(at(by).tool.T_flange_tcp)["xyz_mm"]
         at_mm = ", ".join(f"{v:g}" for v in frame)
-        return f"take a tool {by / MM:g} mm longer (tool {tool.number}: xyz_mm = [{at_mm}])"
+        return f"use a tool {by / MM:g} mm longer (tool {tool.number}: xyz_mm = [{at_mm}])"
 
     yield Cure(blame, LONGEST / 4.0, at, words, "mm", SHORTEST, lambda by: by / MM)
 
@@ -435,7 +435,7 @@ def turns(reach: Reach, cell: Cell) -> Iterator[Cure]:
             words = f"turn the part by {turn:g} deg about the {axis} (base {where})"
             if len(there.bases) > 1:
                 words = f"turn the parts by {turn:g} deg about the {axis}"
-            yield once("the robot stands on the wrong side of the part", there, words, turn, "deg")
+            yield once("the robot is on the wrong side of the part", there, words, turn, "deg")
 
 
 def shifts(reach: Reach, cell: Cell) -> list[Cure]:
@@ -451,7 +451,7 @@ def shifts(reach: Reach, cell: Cell) -> list[Cure]:
 
 def _moved_part(cell: Cell, way: FloatArray, words: str) -> Cure:
     return Cure(
-        "the part stands where the arm does not get to",
+        "the part is out of the arm's reach",
         LONGEST,
         lambda by: cell.rebased(lambda T: np.asarray(transform(np.eye(3), by * way) @ T)),
         lambda by: f"move the part {by / MM:g} mm {words}",

@@ -66,19 +66,17 @@ class BaseJob:
         fit, points = self.fit, self.points
         for row in fit.outliers.tolist():
             off = np.linalg.norm(fit.residuals[row]) / MM
-            text = (
-                f"point {points.ids[row]} lies {off:.3f} mm from where the others put it: left out"
-            )
+            text = f"point {points.ids[row]} lies {off:.3f} mm off the fit of the others: left out"
             yield Finding(Severity.WARNING, "MEA017", text, source=points.source)
         if not fit.agree:
-            text = "the points contradict each other, and which of them is wrong cannot be told"
+            text = "the points contradict each other, and it cannot be decided which is wrong"
             hint = "measure them again, and more of them"
             yield Finding(Severity.ERROR, "MEA018", text, source=points.source, hint=hint)
         up, was = (T[:3, 2] for T in (fit.T_robroot_base, self._before))
         if float(up @ was) < 0.0:
             text = (
-                "z of this base points the other way than in the cell: points in a plane do not "
-                "tell a mirrored part from a turned one"
+                "z of this base points the other way than in the cell: points in one plane "
+                "fit a mirrored part as well as a turned one"
             )
             yield Finding(Severity.WARNING, "MEA019", text, source=points.source)
         if self.cell.external_axes:

@@ -60,10 +60,10 @@ def with_joint_targets(toolpath: ToolPath, cell: Cell) -> ToolPath:
         T_robroot_tcp = build(cell.robot).fk(toolpath.joints[here]) @ cell.tools[index].T_flange_tcp
         T_base_tcp = inverse(T_robroot_base) @ T_robroot_tcp
         points[here], R[here] = T_base_tcp[:, :3, 3], T_base_tcp[:, :3, :3]
-        text = f"{len(here)} targets by joint angles are met by the cell's arm as they are: " + (
+        text = f"{len(here)} targets by joint angles are placed with the cell's arm: " + (
             f"the {proof.sum()} targets that give a pose as well agree with it"
             if known
-            else "nothing in the file tells whether it is the same arm"
+            else "nothing in the file shows that it is the same arm"
         )
         source = toolpath.source(int(here[0]))
         placed.append(Finding(Severity.WARNING, "CNV011", text, source=source))

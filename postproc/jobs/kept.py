@@ -153,7 +153,7 @@ def _require_arm(
     led, apart = (np.linalg.norm(np.diff(points, axis=0), axis=1) for points in (tcp, T[:, :3, 3]))
     far = apart > 10.0 * MM
     if far.sum() > 1 and np.median(np.abs(led[far] / apart[far] - 1.0)) > _OTHER_ARM:
-        text = f"its joint motions are not those of a {cell.robot.name}: the program of another arm"
+        text = f"its joint motions do not fit a {cell.robot.name}: it was made for another arm"
         raise DataError("PIN009", text, SourceRef(str(program)))
 
 

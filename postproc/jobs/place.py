@@ -182,9 +182,9 @@ def _check_call(cell: Cell, box: Sequence[float] | None, free: str, move: str) -
         if not any(base.meshes for base in cell.bases):
             raise UsageError(
                 "CLI016",
-                "no --box, and the workpiece has no solid that would keep it off the robot",
+                "no --box, and no workpiece solid to keep it off the robot",
                 SourceRef(cell.path),
-                "say with --box X0 Y0 Z0 X1 Y1 Z1 where the origin of the part may be, or add "
+                "give --box X0 Y0 Z0 X1 Y1 Z1, where the origin of the part may be, or add "
                 "meshes to the workpiece",
             )
         return

@@ -50,7 +50,7 @@ def _of_size(body: Body, cell: Cell, reach: float) -> Iterator[Finding]:
     if size < LEAST:
         what, severity = "nothing can hit it", Severity.ERROR
     elif size < SMALL and body.kind == "workpiece":
-        what, severity = "a part of this size is hardly meant", Severity.WARNING
+        what, severity = "a part of this size is unlikely", Severity.WARNING
     elif size > _LARGE * reach and is_fixed and body.kind in ("tool", "cutting", "workpiece"):
         what, severity = f"the arm reaches {reach:.3g} m", Severity.WARNING
     else:

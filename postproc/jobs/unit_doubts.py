@@ -55,9 +55,9 @@ def check_units(toolpath: ToolPath, cell: Cell) -> None:
             if fits(claims.toolpath, tags, here, scale):
                 raise ReadError(
                     "CNV013",
-                    f"the file says no unit of length; in mm no tag is {what}, in {unit} all are",
+                    f"the file gives no unit of length; in mm no tag is {what}, in {unit} all are",
                     toolpath.source(int(tags[0])),
-                    hint=f"--units {unit}, or --units mm where that is meant",
+                    hint=f"--units {unit}, or --units mm if mm is right",
                 )
 
 

@@ -74,7 +74,7 @@ def _compared(arm: Kinematics, robot: Robot) -> None:
     hint = "name the flange as [robot] tip, or"
     if reversed_:
         why = f"{', '.join(reversed_)} of the file turns the other way than KUKA's"
-        hint = "turn the axis of the joint round in the file, or"
+        hint = "reverse the joint axis in the file, or"
     geometry = robot.geometry
     path = str(geometry.path) if isinstance(geometry, UrdfGeometry) else robot.name
     raise KinematicsError(

@@ -123,7 +123,7 @@ def read_datum_points(path: str | Path) -> DatumPoints:
     ids = tuple(cell.strip() for cell in table.columns.get("id", rows))
     for row, name in enumerate(ids):
         if name in ids[:row]:
-            raise table.error("MEA014", f"point {name} is there twice, expected each once", row)
+            raise table.error("MEA014", f"point {name} appears twice, expected once", row)
     sigma = None
     if "sigma_mm" in table.columns and not np.isnan(numbers(table, "sigma_mm")).all():
         sigma = finite(table, "sigma_mm") * MM
@@ -207,7 +207,7 @@ def _require_size(points: DatumPoints) -> None:
     for size, unit in _UNITS.items():
         for of, value in (("nominal", factor / size), ("measured", factor * size)):
             if abs(value - 1.0) < NOT_THE_PART:
-                text = f"the {of} points are in {unit}, expected mm: their distances tell it"
+                text = f"the {of} points are in {unit}, expected mm: their distances show it"
                 raise DataError("MEA016", text, points.source)
     if abs(factor - 1.0) > NOT_THE_PART:
         raise DataError(
@@ -233,7 +233,7 @@ def _require_the_part(points: DatumPoints, T: FloatArray, kept: IndexArray) -> N
         what = "the measured points are those of the mirrored part"
         hint = "an axis has the wrong sign, or two columns are swapped"
     else:
-        hint = "other points, points in another order, or swapped columns"
+        hint = "other points, another order, or swapped columns"
     raise DataError("MEA016", f"{what}, expected the same points", points.source, hint)
 
 

@@ -178,8 +178,8 @@ def _require_spread(
         of = f" of station {name!r}" if rows.labelled else ""
         raise DataError(
             "MEA012",
-            f"{what}{of}, expected at least {own} postures that are not on one line to find the "
-            "place of the measuring device",
+            f"{what}{of}, expected at least {own} postures that are not on one line to locate "
+            "the measuring device",
             source,
         )
 

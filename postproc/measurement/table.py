@@ -67,7 +67,7 @@ def read_table(path: str | Path) -> Table:
             )
     for index, name in enumerate(header):
         if name in table.columns:
-            raise table.error("MEA003", f"column {name!r} is there twice")
+            raise table.error("MEA003", f"column {name!r} appears twice")
         if name:
             table.columns[name] = [cells[index] for cells in rows[1:]]
     if separator != ",":

@@ -340,7 +340,7 @@ class _Solver:
         if not known:
             before = self._rest()
             self._finding(
-                RunKind.START, row, "the first motion does not say S and T or joint angles"
+                RunKind.START, row, "the first motion gives neither S and T nor joint angles"
             )
         status = int(self.trace.status[row])
         slots, valid = self.kinematics.ik(self.curves.T_robroot_flange[row])
@@ -394,7 +394,7 @@ class _Solver:
                 self._finding(
                     RunKind.START,
                     row,
-                    "the first motion is a path motion: nobody knows the arm's pose",
+                    "the first motion is a path motion: the pose of the arm is not known",
                 )
             q[place] = self._rest()
         return q

@@ -196,7 +196,7 @@ def _notes(checker: Checker) -> list[Finding]:
                 "PLN303",
                 "the tool axis lies on the axis of A6: a spin of the tool moves A6 only and gains "
                 "no stiffness",
-                hint="an angle head or a tool across the flange makes the spin worth something",
+                hint="an angle head or a tool across the flange makes the spin useful",
             )
         )
     return notes + list(checker.scene.findings if checker.scene is not None else ())

@@ -125,7 +125,7 @@ def _home_note(result: Plan, cell: Cell) -> list[Finding]:
     if cell.motion.home is not None or not len(result):
         return []
     text = (
-        "no [motion] home_deg: the first motion is a PTP from wherever the arm stands, which is "
+        "no [motion] home_deg: the first motion is a PTP from wherever the arm is, which is "
         "not checked, and the program ends above the last point"
     )
     return [Finding(Severity.NOTE, "PLN312", text)]
@@ -139,7 +139,7 @@ def _left_out_note(result: Plan) -> list[Finding]:
     cuts = int(np.isin(np.asarray(result.toolpath.kind), CUTS).sum())
     chord, axis = (np.nanmax(np.asarray(v)) for v in (result.off_chord, result.off_axis))
     text = (
-        f"{cuts - int(left.sum())} of {cuts} points of cuts are written, the lines pass the others "
+        f"{cuts - int(left.sum())} of {cuts} points of cuts are written; their lines pass the rest "
         f"within {chord / MM:.4f} mm and {axis / DEG:.4f} deg"
     )
     return [Finding(Severity.NOTE, "PLN309", text)]

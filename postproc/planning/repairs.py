@@ -104,7 +104,7 @@ def _lose_less(attempt: Attempt) -> bool:
 
 
 def _avoid_gap(attempt: Attempt) -> bool:
-    """Let no step lead where no free way was found for.
+    """Let no step lead where no free path was found for.
 
     A solid that parts the reach of the arm lets it stand on either side of a hole pattern, and
     leads nowhere between: steps from the one side to the other are out of the question then.
@@ -164,7 +164,7 @@ def _change(state: Changing) -> bool:
 
 SEARCH = Level.SEARCH
 REPAIRS = (
-    Repair(SEARCH, "faster turns", "a cut has no way at steady turns", _turn_faster),
+    Repair(SEARCH, "faster turns", "a cut has no path at steady turns", _turn_faster),
     Repair(
         Level.SEARCH,
         "more key tags and finer spins",
@@ -173,14 +173,23 @@ REPAIRS = (
     ),
     Repair(SEARCH, "less roll", "a cut rolls the tool far", _roll_less),
     Repair(
-        Level.SEARCH, "a steady posture", "no free way was found for a change of it", _keep_posture
+        Level.SEARCH,
+        "a steady posture",
+        "no free path was found for a change of it",
+        _keep_posture,
     ),
     Repair(SEARCH, "key tags for less loss", "tags lose more than the bound", _lose_less),
     Repair(
-        Level.SEARCH, "poses on one side of a gap", "no free way joins two poses", _avoid_gap, 3
+        Level.SEARCH,
+        "poses on one side of a gap",
+        "no free path joins two poses",
+        _avoid_gap,
+        3,
     ),
     Repair(SEARCH, "more tilts", "tags fail that have a pose", _tilt_more, 1),
     Repair(Level.PLACES, "another place", "a cut is refused where they stand", _change, 11),
-    Repair(Level.CUTS, "a cut left and entered again", "no posture serves a cut", _change, 11),
+    Repair(
+        Level.CUTS, "a cut left and entered again", "no arm configuration serves a cut", _change, 11
+    ),
     Repair(Level.WAYS, "another way to plan", "haste and free orders need not pay", _change, 3),
 )

@@ -33,7 +33,7 @@ _DROPS = 20
 _LOST = "PLN305"
 """More stiffness is lost than the bound allows."""
 _PARTED = (
-    "poses chosen otherwise (times tried: {times}) are not joined by free ways either: move what "
+    "poses chosen otherwise (times tried: {times}) are not joined by free paths either: move what "
     "is in the way, or put the tags on its two sides into programs of their own"
 )
 

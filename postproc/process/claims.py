@@ -160,9 +160,9 @@ class _Sorter:
         key = tool.name or str(tool.number)
         self._error(
             "WRD002",
-            f"{name}, called in line {tool.line}, matches no tool of the cell: {self._lines(rows)}",
+            f"{name}, called in line {tool.line}, is no tool of the cell: {self._lines(rows)}",
             int(rows[0]),
-            f'give the entry of [[tools]] that means it cam = ["{key}"]; inspect prints the table',
+            f'add to the [[tools]] entry that it is: cam = ["{key}"]; inspect prints the table',
         )
 
     def _compare_diameter(self, tool: CamTool, entry: Tool) -> None:
@@ -193,7 +193,7 @@ class _Sorter:
                     f"{tool_words(one)} and {tool_words(two)} are both taken for tool "
                     f"{served.number} {served.name}".rstrip(),
                     source=SourceRef(self.toolpath.path, two.line),
-                    hint="if they are two tools, claim each by its name in cam, not by its number",
+                    hint="if they are two tools, list each by name in cam, not by number",
                 )
             )
 
@@ -268,10 +268,9 @@ class _Sorter:
         rows = np.flatnonzero(self.toolpath.setup_of_tags == index)
         self._error(
             "WRD020",
-            f"setup {setup.name}, line {setup.line}, matches no base of the cell: "
-            f"{self._lines(rows)}",
+            f"setup {setup.name}, line {setup.line}, is no base of the cell: {self._lines(rows)}",
             int(rows[0]),
-            f'give the entry of [[bases]] that means it cam = ["{setup.name}"]; '
+            f'add to the [[bases]] entry that it is: cam = ["{setup.name}"]; '
             "inspect prints the table",
         )
 
@@ -353,7 +352,7 @@ class _Sorter:
         found = [index for index, entry in enumerate(entries) if keys & set(entry.cam)]
         if len(found) > 1:
             numbers = " and ".join(str(entries[index].number) for index in found)
-            message = f"{what} {' '.join(names)} is claimed by the entries of both {numbers}"
+            message = f"{what} {' '.join(names)} is listed in cam of both {numbers}"
             source = SourceRef(self.toolpath.path, line)
             self.findings.append(Finding(Severity.ERROR, code, message, source=source))
             return UNCLAIMED - 1
@@ -444,5 +443,5 @@ def _lost_arcs(toolpath: ToolPath, tool: IntArray, base: IntArray) -> Iterator[F
                 "an arc begins where the tool or the base changes",
                 tag,
                 toolpath.source(tag),
-                hint="let the CAM system move to the start of the arc behind the change",
+                hint="let the CAM system move to the start of the arc after the change",
             )

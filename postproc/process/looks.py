@@ -75,7 +75,7 @@ def _doubles(toolpath: ToolPath, _: FloatArray | None) -> Finding | None:
         f"{_name(toolpath, rows[b])} at the place of {_name(toolpath, rows[a])}"
         for b, a in twin[once][:_SHOWN].tolist()
     ]
-    text = f"{len(once)} places come twice, and are worked twice: {_list(listed, len(once))}"
+    text = f"{len(once)} positions appear twice and are worked twice: {_list(listed, len(once))}"
     return _warning("PTS001", text, toolpath, rows[twin[once, 0]])
 
 
@@ -87,7 +87,7 @@ def _near(tree: object, places: FloatArray) -> IndexArray:
 
 
 def _turned(toolpath: ToolPath, outward: FloatArray | None) -> Finding | None:
-    """Normals that point the other way than those around them, or into the workpiece."""
+    """Normals that point opposite to those around them, or into the workpiece."""
     from scipy.spatial import cKDTree
 
     rows = _known(toolpath, all_of_lists=True)
@@ -107,7 +107,7 @@ def _turned(toolpath: ToolPath, outward: FloatArray | None) -> Finding | None:
     at = rows[wrong | inward]
     if not len(at):
         return None
-    what = "into the workpiece" if inward.any() else "the other way than those around them"
+    what = "into the workpiece" if inward.any() else "opposite to those around them"
     listed = [_name(toolpath, row) for row in at[:_SHOWN]]
     text = f"{len(at)} normals point {what}, from the tip to the holder: {_list(listed, len(at))}"
     return _warning("PTS002", text, toolpath, at)
@@ -124,7 +124,7 @@ def _flips(toolpath: ToolPath, _: FloatArray | None) -> Finding | None:
     if not len(at):
         return None
     lines = [f"{toolpath.line[tag - 1]} to {toolpath.line[tag]}" for tag in at[:_SHOWN]]
-    text = f"the tool axis turns to the other side within a cut: lines {_list(lines, len(at))}"
+    text = f"the tool axis flips within a cut: lines {_list(lines, len(at))}"
     return _warning("PTS002", text, toolpath, at)
 
 
@@ -153,7 +153,7 @@ def _extent(toolpath: ToolPath, _: FloatArray | None) -> Finding | None:
     size = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
     if not SAME_POINT < size < SMALL:
         return None
-    text = f"all points lie within {size / MM:.4g} mm: is the unit of length the right one?"
+    text = f"all points lie within {size / MM:.4g} mm: is the unit of length right?"
     return _warning("PTS003", text, toolpath, np.arange(1))
 
 
@@ -195,7 +195,7 @@ def _spacing(toolpath: ToolPath, _: FloatArray | None) -> Finding | None:
     ]
     text = (
         f"{len(tags)} points of cuts are less than {LEAST_BLEND / BLEND_SHARE / MM:.4f} mm apart: "
-        f"too short to blend, an exact stop at each: lines {_list(lines[:_SHOWN], len(lines))}"
+        f"too close to blend, an exact stop at each: lines {_list(lines[:_SHOWN], len(lines))}"
     )
     return _warning("PTS005", text, toolpath, tags)
 

@@ -56,14 +56,13 @@ def _why_not(cycle: Cycle, turns: float, feed: float, cell: Cell) -> tuple[str, 
     if cycle.kind in _RIGID:
         return (
             "rigid tapping needs a feed that is coupled to the spindle; that of a robot is not",
-            "tap in a holder that gives along its axis: CYCLE/TAP, and krl.hooks.tap_reverse",
+            "use a floating tap holder: CYCLE/TAP, and krl.hooks.tap_reverse",
         )
     if "tap_reverse" not in cell.krl.hooks:
         return (
             "tapping needs a spindle that reverses at the bottom, and the cell names no routine "
             "for that",
-            "name it in the cell: [krl.hooks] tap_reverse, if the tap sits in a holder that gives "
-            "along its axis",
+            "name it in the cell: [krl.hooks] tap_reverse, if the tap is in a floating holder",
         )
     return _disagreement(cycle, turns, feed), correct
 
@@ -71,7 +70,7 @@ def _why_not(cycle: Cycle, turns: float, feed: float, cell: Cell) -> tuple[str, 
 def _disagreement(cycle: Cycle, turns: float, feed: float) -> str:
     """Return what in a tapping cycle contradicts the spindle, empty if nothing does."""
     if cycle.dwell > 0.0:
-        return "a dwell at the bottom: the tap would cut on while it waits"
+        return "a dwell at the bottom: the tap would keep cutting"
     if not abs(turns) > 0.0:
         return "tapping needs a spindle that turns at a known speed"
     if (cycle.kind in _LEFT_TAPS) != (turns < 0.0):

@@ -175,7 +175,7 @@ def start_findings(toolpath: ToolPath, cell: Cell) -> list[Finding]:
     if who in OTHERS or cell.process.spindle_turns:
         return []
     for event in _speedless(toolpath)[:1]:
-        text = "the spindle is started without a speed, none was given before, the cell has none"
+        text = "the spindle is started without a speed, and neither file nor cell gives one"
         source = SourceRef(toolpath.path, event.line)
         return [Finding(Severity.ERROR, "PRC005", text, source=source, hint=START_HINT)]
     if not len(tags) or may_stand(toolpath, cell):

@@ -112,8 +112,8 @@ def _untold(toolpath: ToolPath) -> list[Finding]:
         if more:
             tag = int(np.flatnonzero(numbers == number)[0])
             text = (
-                f"the unit is handed depth, feed and speed: {' and '.join(more)}, from line "
-                f"{int(toolpath.line[tag])} on, is what its own program for the tool has to do"
+                f"the unit gets depth, feed and speed only; {' and '.join(more)}, from line "
+                f"{int(toolpath.line[tag])} on, must be done by its own program for the tool"
             )
             source = toolpath.source(tag)
             found.append(Finding(Severity.NOTE, "PRC011", text, tag, source))

@@ -38,7 +38,7 @@ def _refused(toolpath: ToolPath, use: WordUse) -> Finding:
     others = use.lines[1:]
     also = f" (also in {_lines_text(others)})" if others else ""
     accept = (
-        f"where you know it to be harmless: --accept-words {_quoted(use.word)}, "
+        f"if you know it to be harmless: --accept-words {_quoted(use.word)}, "
         f'or [import] accept_words = ["{use.word}"] in the cell'
     )
     return Finding(

@@ -109,7 +109,7 @@ def check_columns(path: str, names: Sequence[str], line: int = 1) -> list[str]:
     place = SourceRef(path, line)
     if len(set(names)) < len(names):
         twice = next(name for name in names if list(names).count(name) > 1)
-        raise DataError("TRC002", f"column {twice!r} is there twice", place)
+        raise DataError("TRC002", f"column {twice!r} appears twice", place)
     unknown = [name for name in names if name not in COLUMNS]
     missing = [name for name in COLUMNS if name not in names]
     for name in unknown:

@@ -50,7 +50,9 @@ def check_between(run: Run) -> Iterator[Said]:
         names = list(_changed(before, after, _JUDGED + _TURNING * on_the_spot))
         found += bool(names)
         if names and found <= AT_MOST:
-            text = f"{', '.join(names)} changes in the middle of a cut: the CAM file has none of it"
+            text = (
+                f"{', '.join(names)} changes in the middle of a cut, not asked for by the CAM file"
+            )
             yield Remark(RunKind.EVENT, motion, text, severity)
 
 
@@ -102,9 +104,9 @@ def _acts(event: TraceEvent, cuts: Cuts, inside: BoolArray) -> bool:
 def _words(event: TraceEvent, inside: BoolArray) -> str:
     where = "in the middle of a cut"
     if not inside[event.motion]:
-        where = "in a cut, on the way" if event.on_the_way else "acts ahead, in the cut before"
+        where = "in a cut, on the way" if event.on_the_way else "acts early, in the cut before"
     stands = event.word in _STANDS and not event.on_the_way
-    what = "the tool stands in the material" if stands else "the CAM file does not ask for it"
+    what = "the tool is in the material" if stands else "the CAM file does not ask for it"
     return f"{where}: {what}"
 
 

@@ -115,7 +115,7 @@ def _limits(run: Run, q: FloatArray, motion: AnyIntArray) -> Iterator[Said]:
         row = int(np.argmin(margin[:, axis]))
         count = len(np.unique(motion[bad]))
         what = (
-            "beyond its limit" if margin[row, axis] < 0.0 else "nearer to its limit than the margin"
+            "beyond its limit" if margin[row, axis] < 0.0 else "closer to its limit than the margin"
         )
         yield Remark(
             RunKind.JOINT_LIMIT,
@@ -238,7 +238,7 @@ def check_blending(run: Run) -> Iterator[Said]:
     for event in trace.events:
         before = event.motion - 1
         if event.word in stopping and before >= 0 and not trace.is_exact[before]:
-            detail = f"blending is lost: {event.name} stands behind it"
+            detail = f"blending is lost: {event.name} comes after it"
             yield Remark(RunKind.BLEND_LOST, before, detail, Severity.WARNING)
 
 

@@ -17,7 +17,7 @@ from postproc.records import dataclass
 
 NOT_KNOWN = frozenset({RunKind.UNJUDGED, RunKind.CONDITION, RunKind.ENDLESS})
 """What is said where the text alone does not tell what the arm does."""
-_FROM_ELSEWHERE = "what happens right before it is not known: nor is its way"
+_FROM_ELSEWHERE = "what happens right before it is not known, so neither is its path"
 _Place = tuple[str, int]
 
 

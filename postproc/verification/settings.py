@@ -115,7 +115,7 @@ def _orientation(
         yield RunKind.ORIENTATION, int(paths[0]), text
     arcs = paths[trace.motion_type[paths] == MotionType.CIRC]
     if settings.circle != "BASE" and len(arcs):
-        text = "$CIRC_TYPE is #PATH: the tool turns with the arc, which is not judged"
+        text = "$CIRC_TYPE is #PATH: the tool turns with the arc, which is not checked"
         yield RunKind.ORIENTATION, int(arcs[0]), text
 
 

@@ -117,7 +117,7 @@ def test_a_positioner_turns_its_base_as_its_chain_says(tmp_path, capsys):
         (1, [line.replace("TYPE[7]=1", "TYPE[7]=3") for line in RAIL], (), "linear axes alone"),
         (1, [line.replace("#ERSYS", "#ODD") for line in RAIL], (), "its kind is not known"),
         (1, RAIL[6:], (), "E1: E1 (linear, -100 to 5900 mm"),
-        (2, TABLE, (), "where it stands is not in the files"),
+        (2, TABLE, (), "its place is not in the files"),
         (2, TABLE, ON_TABLE[:2], "no base of the controller hangs on it"),
         (2, [line.replace("TYPE[8]=3", "TYPE[8]=5") for line in TABLE], ON_TABLE, "limits of E2"),
     ],
@@ -211,4 +211,4 @@ def test_external_bases_that_contradict_each_other_say_no_place(tmp_path, capsys
     config = [old_base(1, ROOT, BASES[3]), old_base(2, other, OFFSET)]
     _, data, text, _ = made(tmp_path, capsys, 2, TABLE, config)
     assert "external_axes" not in data
-    assert "where it stands is not in the files" in " ".join(text.replace("\n#", " ").split())
+    assert "its place is not in the files" in " ".join(text.replace("\n#", " ").split())

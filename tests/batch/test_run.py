@@ -310,6 +310,6 @@ def test_quiet_names_failing_inputs_and_counts_are_words(work, capfd):
     run_cli(call)
     said = capfd.readouterr().out.splitlines()[0]
     assert said == (
-        "converted 1 of 3, failed 1 (1 not tried again: nothing has changed; --force tries), "
+        "converted 1 of 3, failed 1 (1 not tried again since nothing changed; --force does), "
         "unchanged 1"
     )

@@ -212,7 +212,7 @@ def test_an_effect_that_no_program_knows_is_named(job, run, bench, tmp_path):
     asked = ["verify", program, "--cell", bench, "--against", source, "--json"]
     code, _, err = run(*asked, "--model", tmp_path / "model.toml")
     assert code == 0
-    assert "thermal_drift is not counted: a program does not know temperature" in err
+    assert "thermal_drift is left out: a program does not give temperature" in err
 
 
 def test_partial_programs_are_compensated_too(tmp_path, bench, run):

@@ -310,8 +310,8 @@ def test_one_tool_without_a_claim_serves_a_file_of_one(job, run, tmp_path):
         ('[tool]\naxis = "+z"\n', "CEL012", "both [tool] and [[tools]]"),
         ("[workpiece]\nnumber = 2\n", "CEL012", "both [workpiece] and [[bases]]"),
         ('[[tools]]\nnumber = 7\naxis = "+z"\n', "CEL013", "entries 1 and 4 are both TOOL 7"),
-        ('[[tools]]\nnumber = 1\naxis = "+z"\ncam = ["01"]\n', "CEL013", "both claim '01'"),
-        ('[[tools]]\nnumber = 1\naxis = "+z"\ncam = ["ream"]\n', "CEL013", "both claim 'ream'"),
+        ('[[tools]]\nnumber = 1\naxis = "+z"\ncam = ["01"]\n', "CEL013", "both list '01'"),
+        ('[[tools]]\nnumber = 1\naxis = "+z"\ncam = ["ream"]\n', "CEL013", "both list 'ream'"),
     ],
 )
 def test_entries_that_contradict_each_other(job, run, tmp_path, change, code, words):

@@ -47,7 +47,7 @@ def test_a_home_that_stands_in_something_is_named_with_what_and_where(tmp_path):
     said = [text for text in failures(tmp_path, SOLID + post, PART) if "from home" in text]
     assert len(said) == 2  # on the way there and on the way back
     for text in said:
-        assert "no way leads from home" in text
+        assert "no path leads from home" in text
         assert "post" in text
         at = np.array(re.search(r"about \[(.*)\] mm", text)[1].split(","), dtype=float)
         assert np.abs(at * MM - place).max() <= 0.1 + 1e-3  # on the cube, or in it

@@ -105,7 +105,7 @@ WRONG = {
     "MEA016 any place of the part": text(measured=PLACED[[1, 0, 2, 4, 3]]),
     "MEA016 1.03 times": text(measured=PLACED * 1.03),
     "MEA004 'mz_mm'": text(head=HEAD.replace("mz_mm", "mz")),
-    "MEA014 D1 is there twice": text().replace("D2", "D1"),
+    "MEA014 D1 appears twice": text().replace("D2", "D1"),
     "MEA007 my_mm is empty": text().replace(",100.000000,", ",,", 1),
     "MEA006 'one'": text().replace(",100.000000,", ",one,", 1),
 }

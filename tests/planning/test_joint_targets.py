@@ -74,7 +74,7 @@ def test_each_such_tag_fails_by_its_line(toolpath, make_cell, strategy):
     errors = [(i.code, i.tag_index, i.source.line) for i in result.errors]
     assert errors == [("PLN206", tag, 4 + tag) for tag in WITHOUT]
     assert all(
-        "nothing in the file proves that they are of the cell's arm" in i.message
+        "nothing in the file proves that they are for the cell's arm" in i.message
         for i in result.errors
     )
     for values in (result.T_base_tcp, result.q):

@@ -5,7 +5,7 @@ import pytest
 from postproc.verification.verify import verify
 from tests.samples import AT_PART, HEAD, START, at, cell_in, modules
 
-ELSEWHERE = "what happens right before it is not known: nor is its way"
+ELSEWHERE = "what happens right before it is not known, so neither is its path"
 
 
 @pytest.fixture

@@ -86,7 +86,7 @@ class ImportTable(Table):
     """How CAM files are read where the call does not say; the same keys as its options."""
 
     format: Text = Field(
-        default="auto", description="auto, apt, csv, delmia, gcode or another one of plugins"
+        default="auto", description="auto, apt, csv, delmia, gcode or one of postproc plugins"
     )
     dialect: Text | None = Field(
         default=None, description="dialect of APT or G-code; default: as the file shows"

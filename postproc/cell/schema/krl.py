@@ -55,7 +55,7 @@ class HooksTable(Table):
         default=None,
         description="reverses the spindle at the bottom of a tapped hole and returns when it turns "
         "the other way; gets the speed [1/min], negative counterclockwise. Naming it says that the "
-        "tap sits in a holder that gives along its axis; default: none, tapping is refused",
+        "tap is in a floating holder; default: none, tapping is refused",
     )
     stops_advance: list[str] | None = Field(
         default=None,

@@ -162,13 +162,13 @@ def _links(report: Path, keys: Iterable[str]) -> dict[str, str]:
 def _summary(session: Session, outcome: BatchOutcome) -> None:
     count = len(outcome.keys)
     again = len(outcome.kept) - len(outcome.unchanged)
-    remark = f" ({again} not tried again: nothing has changed; --force tries)" if again else ""
+    remark = f" ({again} not tried again since nothing changed; --force does)" if again else ""
     session.show(
         f"converted {len(outcome.converted)} of {count}, failed {len(outcome.bad)}{remark}, "
         f"unchanged {len(outcome.unchanged)}"
     )
     if outcome.removed:
-        session.show(f"{len(outcome.removed)} files of former programs removed")
+        session.show(f"{len(outcome.removed)} files of earlier programs removed")
         for name in outcome.removed[:20]:
             session.show(f"  {name}")
     if outcome.vanished:
@@ -194,5 +194,5 @@ def _check(
             session.error(line)
     for name, report in checked.reports.items():
         session.show(f"{name}:\n{report.summary()}")
-    session.show(f"checked {len(checked.entries)}, differ or fail {len(checked.bad)}")
+    session.show(f"checked {len(checked.entries)}, different or failed {len(checked.bad)}")
     return answer(not checked.bad)

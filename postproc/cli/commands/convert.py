@@ -58,7 +58,7 @@ def _known_suffix(
 @click.option(
     "--objective",
     shell_complete=completion.parts("postproc.planning", "OBJECTIVES"),
-    help="axial, normal, radial, process or another one of plugins; default: the cell's.",
+    help="axial, normal, radial, process or one of postproc plugins; default: the cell's.",
 )
 @click.option(
     "--preset",
@@ -69,7 +69,7 @@ def _known_suffix(
 @click.option("--model", metavar="MODEL.toml", help="Compensate what this model predicts.")
 @click.option("--pins", metavar="FILE.csv", help="Spins that tags must have: tag,spin_deg.")
 @click.option("--keep", metavar="OLD", help=KEEP)
-@click.option("--partial", is_flag=True, help="Write the good stretches although tags fail.")
+@click.option("--partial", is_flag=True, help="Write the good stretches even if tags fail.")
 @click.option("--report", metavar="FILE.html", help="Write a page that shows the program.")
 @click.option(
     "--spin-map",
@@ -122,7 +122,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     session.document(content)
     _summary(session, conversion, content, folder)
     if removed:
-        session.show(f"removed  {', '.join(removed)}: left by a former {conversion.name}")
+        session.show(f"removed  {', '.join(removed)}: left by an earlier {conversion.name}")
     for name, path in (("page", options["report"]), *(("map", p) for p in options["spin_maps"])):
         if path:
             session.show(f"{name:<8} {path}")

@@ -44,7 +44,7 @@ Examples:
 )
 @click.option("--cell", required=True, metavar="CELL.toml", help="The robot cell.")
 @tool_option
-@click.option("--model", metavar="MODEL.toml", help="What the simulation knows already.")
+@click.option("--model", metavar="MODEL.toml", help="Model of the arm that is already known.")
 @click.option(
     "--register",
     "registered",
@@ -55,14 +55,14 @@ Examples:
     "--before",
     multiple=True,
     metavar="BEFORE.csv",
-    help="Campaign before the compensation: promised against measured, by the ids of the rows.",
+    help="Campaign before compensation: predicted against measured, by the ids of the rows.",
 )
 @click.option(
     "--self-check",
     "self_check",
     is_flag=True,
-    help="Put each effect at 0.3, 1 and 3 times its usual size into these rows, and tell how often"
-    " it is named, missed, or blamed on another.",
+    help="Put each effect at 0.3, 1 and 3 times its usual size into these rows, and report how"
+    " often it is named, missed, or blamed on another.",
 )
 @click.option(
     "--trials", type=click.IntRange(1, 100), default=1, help="Arms of each effect and size. [1]"
@@ -76,7 +76,7 @@ Examples:
 @click.option(
     "--program",
     metavar="INPUT",
-    help="CAM file: tell where along it the gap lies; with --trace the KRL program that was run.",
+    help="CAM file: report where along it the gap lies; with --trace the KRL program that was run.",
 )
 @click.option("--against", metavar="INPUT", help="With --trace: the CAM file that was run.")
 @reading_options

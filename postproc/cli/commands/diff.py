@@ -31,10 +31,18 @@ Examples:
 @click.argument("old", metavar="OLD", type=click.Path())
 @click.argument("new", metavar="NEW", type=click.Path())
 @click.option(
-    "--tol-mm", default=0.001, show_default=True, type=NOT_NEGATIVE, help="Shift that is the same."
+    "--tol-mm",
+    default=0.001,
+    show_default=True,
+    type=NOT_NEGATIVE,
+    help="Shift that counts as the same.",
 )
 @click.option(
-    "--tol-deg", default=0.001, show_default=True, type=NOT_NEGATIVE, help="Turn that is the same."
+    "--tol-deg",
+    default=0.001,
+    show_default=True,
+    type=NOT_NEGATIVE,
+    help="Turn that counts as the same.",
 )
 @click.option("--html", "page", metavar="FILE.html", help="Write a page that shows what moved.")
 @click.option("--markdown", metavar="FILE.md", help="Write the answer in at most 60 lines.")

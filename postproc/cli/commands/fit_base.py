@@ -20,7 +20,7 @@ Examples:
 @click.argument("points", metavar="POINTS.csv")
 @click.option("--cell", required=True, metavar="CELL.toml", help="The robot cell.")
 @click.option("--base", type=int, metavar="N", help="BASE number, in a cell with several.")
-@click.option("--job", metavar="INPUT", help="CAM file: how sure its holes are.")
+@click.option("--job", metavar="INPUT", help="CAM file: uncertainty of its holes.")
 @click.option("-o", "--output", metavar="CELL2.toml", help="Write the cell with the fitted base.")
 @reading_options
 @standard_options
@@ -42,7 +42,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     if options["output"] and job.good:
         write_files({Path(options["output"]): job.cell_file(options["output"])})
     if job.points.ignored:
-        session.say(f"columns that say nothing about a base: {', '.join(job.points.ignored)}")
+        session.say(f"columns not used for a base: {', '.join(job.points.ignored)}")
     session.findings(job.findings)
     session.document(content)
     rows = [
@@ -54,7 +54,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     at_holes = content["u95_holes_mm"]
     holes = "" if at_holes is None else f", at the job within {at_holes:.3f} mm"
     session.show(
-        f"residuals {content['rms_mm']:.3f} mm (rms); the base is sure within "
+        f"residuals {content['rms_mm']:.3f} mm (rms); the base is known to within "
         f"{content['u95_mm']:.3f} mm (95 %){holes}; moved by {content['moved']['mm']:.3f} mm, "
         f"{content['moved']['deg']:.4f} deg"
     )

@@ -46,7 +46,7 @@ Examples:
     type=click.Choice(["blend", "average"]),
     default="blend",
     show_default=True,
-    help="Run continuously between cell centres, or average on faces only (the paper's rule).",
+    help="Interpolate between cell centres, or average on faces only (the paper's rule).",
 )
 @click.option(
     "--confidence",

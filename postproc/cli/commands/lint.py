@@ -37,7 +37,7 @@ Examples:
 @click.option("--max-base", default=32, show_default=True, help="MAX_BASE of the controller.")
 @click.option("--external-axes", type=click.IntRange(0, 6), help="Number of external axes.")
 @click.option("--junit", metavar="FILE.xml", help="Write the outcome as JUnit XML, a case a file.")
-@click.option("--allow-zero", is_flag=True, help="Tool 0 and base 0 are meant.")
+@click.option("--allow-zero", is_flag=True, help="Tool 0 and base 0 are intended.")
 @standard_options
 def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
     """Check KRL programs: .src and .dat files, or folders with all modules in them.

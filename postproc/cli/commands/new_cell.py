@@ -57,7 +57,7 @@ class _NewCell(click.Command):
 @click.option("--tip", metavar="LINK", help="Flange link of the URDF.")
 @click.option("--name", help="Name of the cell; default: that of the file.")
 @click.option("--tool-xyz", type=_TRIPLE, metavar="X Y Z", help="TCP in the flange [mm].")
-@click.option("--tool-abc", type=_TRIPLE, metavar="A B C", help="Turn of the TCP frame [deg].")
+@click.option("--tool-abc", type=_TRIPLE, metavar="A B C", help="Rotation of the TCP frame [deg].")
 @click.option("--tool-axis", type=click.Choice(AXES), help="TCP axis that points into the part.")
 @click.option("--tool-mass", type=NUMBER, metavar="KG", help="Mass of the tool [kg].")
 @click.option("--tool-number", type=int, metavar="N", help="TOOL number; default: 1.")
@@ -65,14 +65,16 @@ class _NewCell(click.Command):
     "--tool-mesh", multiple=True, metavar="FILE", help="Solid of the tool, in the flange."
 )
 @click.option("--workpiece-xyz", type=_TRIPLE, metavar="X Y Z", help="CAM origin in robroot [mm].")
-@click.option("--workpiece-abc", type=_TRIPLE, metavar="A B C", help="Turn of CAM axes [deg].")
+@click.option("--workpiece-abc", type=_TRIPLE, metavar="A B C", help="Rotation of CAM axes [deg].")
 @click.option("--base-number", type=int, metavar="N", help="BASE number; default: 1.")
-@click.option("--workpiece-mesh", multiple=True, metavar="FILE", help="Solid, in CAM coordinates.")
+@click.option(
+    "--workpiece-mesh", multiple=True, metavar="FILE", help="Solid of the part, in CAM coordinates."
+)
 @click.option(
     "--home",
     type=_SIX,
     metavar="A1 .. A6|none",
-    help="Posture to begin and end in [deg]; default: a free one is proposed.",
+    help="Posture to begin and end in [deg]; default: a clear one is proposed.",
 )
 @click.option("--no-home", is_flag=True, hidden=True)
 @click.option("--spindle", type=click.Choice(STARTS), help="Who starts the spindle.")
@@ -167,5 +169,5 @@ def _tell(session: Session, place: Mapping[str, Any]) -> None:
     session.say(
         f"workpiece at X Y Z {xyz} mm, A B C {abc} deg: all {place['tags']} distinct tags are "
         f"reached, {place['margin_deg']:.1f} deg or more beyond the margins, also where the part "
-        "is 50 mm off; collisions are for convert to find"
+        "is 50 mm off; collisions are checked by convert"
     )

@@ -31,7 +31,7 @@ Examples:
     nargs=6,
     type=NUMBER,
     metavar="X0 Y0 Z0 X1 Y1 Z1",
-    help="Where the origin of the part may be, in the robot root [mm]; of the robot in the world. "
+    help="Where the part origin may be, in the robot root [mm]; of the robot in the world. "
     "Without it: wherever the arm reaches, for a workpiece with a solid.",
 )
 @click.option(
@@ -39,7 +39,7 @@ Examples:
     type=click.Choice(["xyz", "xyzA"]),
     default="xyz",
     show_default=True,
-    help="What is free: the place, or also the turn about the vertical.",
+    help="What may change: the position, or also the rotation about the vertical.",
 )
 @click.option(
     "--move",
@@ -84,8 +84,8 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         f"{content['tags']} tags can be run{told}"
     )
     session.show(
-        f"{searched['places']} places looked at, {searched['in_reach']} of them within reach; "
+        f"{searched['places']} positions tried, {searched['in_reach']} of them within reach; "
         f"{searched['with_solids']} tried with solids, {searched['plans']} planned in full"
     )
-    session.show("good: the full plan is" if job.good else "no good place was found")
+    session.show("good: checked by a full plan" if job.good else "no good position was found")
     return answer(job.good)

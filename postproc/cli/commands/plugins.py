@@ -60,7 +60,7 @@ def _judged(info: PluginInfo) -> PluginInfo:
     from postproc.emitters import EMITTERS, is_checkable
 
     good = is_checkable(EMITTERS.get(info.name))
-    return info if good else replace(info, problem="it cannot read its programs back")
+    return info if good else replace(info, problem="it cannot read back its programs")
 
 
 def _entry(info: PluginInfo) -> dict[str, Any]:

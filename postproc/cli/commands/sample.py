@@ -44,14 +44,14 @@ Examples:
     type=click.Choice(["grid", "optimal"]),
     default="grid",
     show_default=True,
-    help="Every posture of the grid, or the --count most telling of them.",
+    help="Every posture of the grid, or the --count most informative ones.",
 )
 @click.option(
     "--model",
     type=click.Choice(["constant", "grid", "continuous"]),
     default="continuous",
     show_default=True,
-    help="What --method optimal is to tell.",
+    help="Model that --method optimal plans for.",
 )
 @click.option(
     "--count", type=click.IntRange(3, 5000), default=64, show_default=True, help="Postures."
@@ -59,7 +59,7 @@ Examples:
 @click.option(
     "--for-diagnosis",
     is_flag=True,
-    help="Plan --count postures for diagnose instead, and say what they will tell.",
+    help="Plan --count postures for diagnose instead, and say what they can show.",
 )
 @click.option(
     "--axis",
@@ -154,7 +154,7 @@ def _diagnosis_summary(session: Session, content: dict[str, Any], file: Path) ->
         seen = "not shown" if size is None else f"seen from {size:.3f} mm"
         session.show(f"{told['name']:<22} {seen} (usual {told['usual_mm']:.3f})")
     for pair in content["cannot_separate"]:
-        session.say(f"{' and '.join(pair['effects'])} of usual size will stay one set")
+        session.say(f"{' and '.join(pair['effects'])} of usual size cannot be told apart")
 
 
 def _summary(session: Session, content: dict[str, Any], file: Path) -> None:

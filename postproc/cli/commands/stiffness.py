@@ -70,5 +70,5 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         several = f"  tool {tag['tool']}" if len(set(found.curves.tools)) > 1 else ""
         session.show(f"{tag['name']:>12}{several}  {value}")
     if content["coaxial"]:
-        session.say("the tool axis lies on axis 6: turning the tool changes no stiffness")
+        session.say("the tool axis is axis 6: spin does not change the stiffness")
     return answer(found.good)

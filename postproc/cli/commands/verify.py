@@ -87,7 +87,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     model = load_model(options["model"]) if options["model"] else None
     if model is not None:
         for name, missing in uncounted(cell, model).items():
-            session.say(f"{name} is not counted: a program does not know {', '.join(missing)}")
+            session.say(f"{name} is left out: a program does not give {', '.join(missing)}")
     tolerances = Tolerances(options["tol_mm"] * MM, options["tol_deg"] * DEG)
     toolpath = None
     if options["against"]:
@@ -145,11 +145,11 @@ def _show(session: Session, report: VerifyReport, measured: Sequence[Sequence[st
             f"rms {both.expected_rms / MM:.4f} mm"
         )
         session.show(
-            f"commanded  up to {both.nominal_max / MM:.4f} mm beside them, "
+            f"commanded  up to {both.nominal_max / MM:.4f} mm from them, "
             f"rms {both.nominal_rms / MM:.4f} mm"
         )
     if report.tags is not None:
-        session.show(f"CAM points {report.tags}, of these {report.matched} passed in order")
+        session.show(f"CAM points {report.tags}, {report.matched} of them passed in order")
     _show_coverage(session, report)
     session.show(f"motions    {report.points}, about {report.cycle_time:.1f} s")
     checked = "" if report.collisions_checked else " (collisions not searched)"

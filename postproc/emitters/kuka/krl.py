@@ -93,7 +93,7 @@ def _violations(report: VerifyReport, displacement: Displacement | None) -> Iter
         yield Finding(
             Severity.WARNING,
             "CMP006",
-            f"at {len(left)} places what follows the motion is left: {left[0].message}",
+            f"at {len(left)} places effects that follow the motion remain: {left[0].message}",
             source=left[0].source,
             hint="lower the feed, or see verify --model for all of them",
         )

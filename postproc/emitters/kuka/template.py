@@ -214,7 +214,7 @@ def _filled(statement: Statement, name: str, texts: Mapping[str, str]) -> Statem
     if isinstance(statement, Comment | FoldBegin):
         changes["text"] = _replaced(statement.text, texts)
     elif "@" in render_statement(replace(statement, comment="")):
-        raise EmitError("EMT334", f"template {name} has outside text outside a comment")
+        raise EmitError("EMT334", f"template {name} puts CAM text outside a comment")
     return replace(statement, **changes)
 
 

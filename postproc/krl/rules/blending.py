@@ -83,7 +83,7 @@ def _behind(subject: Subject, part: Part, place: int) -> None:
     )
     for statement in between:
         if isinstance(statement, WaitSec | WaitFor | Halt):
-            message = f"blended, and {_word(statement)} stands behind it: the blend is lost"
+            message = f"blended, and {_word(statement)} comes after it: the blend is lost"
             subject.add(18, WARNING, part.path, step.move.line, message)
             return
         if isinstance(statement, Call):

@@ -121,13 +121,13 @@ def gave_up(
     return [given_up(problem, tag) for tag in sorted(lost)]
 
 
-def given_up(problem: Problem, tag: int, what: str = "no way was found here") -> Finding:
+def given_up(problem: Problem, tag: int, what: str = "no path was found here") -> Finding:
     """Return the finding of a tag at which the search stopped, ``what`` in words what it found."""
     return Finding(
         Severity.ERROR,
         "PLN106",
-        f"tag {problem.toolpath.tag_name(tag)}: the search gave up: {what}, and not every one is "
-        "refuted",
+        f"tag {problem.toolpath.tag_name(tag)}: the search gave up: {what}, but not every one "
+        "is ruled out",
         tag,
         problem.toolpath.source(tag),
         hint=f"lift the tool off before this tag, {_leave(problem)}split the cut",
@@ -154,12 +154,12 @@ class _Remedies:
             return self._text
         self._first, self._reason, self._text = row, reason, ""
         if self._searches == HELPED:
-            self._text = f"what would help was looked for at {HELPED} tags before this one only"
+            self._text = f"remedies were searched at {HELPED} earlier tags only"
             return self._text
         self._searches += 1
         found = remedy(self._checker, tag, reason)
         if found:
-            self._text = f"at tag {self._checker.problem.toolpath.tag_name(tag)} near by: {found}"
+            self._text = f"at tag {self._checker.problem.toolpath.tag_name(tag)} nearby: {found}"
         return found
 
 
@@ -220,7 +220,7 @@ def _no_way(checker: Checker, evidence: Evidence, row: int) -> Finding:
     free = found.count - sum(found.reasons.values())
     parts += [f"{free} reach a pose between the grid's"] if free else []
     detail = (
-        f"{pin}no cut from tag {before} to here keeps one arm configuration: of {found.count} "
+        f"{pin}no single arm configuration serves the cut from tag {before}: of {found.count} "
         f"poses that lead there as the tool stands {', '.join(parts)}"
     )
     if other := pinned(checker.problem, int(evidence.tags[row - 1])):
@@ -263,11 +263,11 @@ def remedy(checker: Checker, tag: int, reason: Reason) -> str:
     standing, free = _free_spins(checker, tag, _upright(spins))
     if free.any():
         how = "widen range_deg" if np.isnan(checker.problem.pins[tag]) else "pin it there"
-        return f"a spin of {_least(spins[free])} deg about the tool axis would do: {how}"
+        return f"a spin of {_least(spins[free])} deg about the tool axis works: {how}"
     if standing.any() and checker.problem.ways_out[tag]:
         return (
-            f"the tool stands free at a spin of {_least(spins[standing])} deg but cannot come away "
-            f"from the cut: {LEAD_OUT}"
+            f"the tool is clear at a spin of {_least(spins[standing])} deg but cannot leave "
+            f"the cut: {LEAD_OUT}"
         )
     if text := _lead_or_side(checker, tag):
         return text
@@ -275,7 +275,7 @@ def remedy(checker: Checker, tag: int, reason: Reason) -> str:
         return ""
     if not standing.any():
         return "no spin is free of collision here"
-    where = f"the tool stands free at a spin of {_least(spins[standing])} deg"
+    where = f"the tool is clear at a spin of {_least(spins[standing])} deg"
     return f"{where} but not all along its stroke"
 
 

@@ -368,7 +368,7 @@ class Checker:
         distance, nearest = self.scene.nearest(poses)
         one, two = hits.pairs[int(nearest[0] if distance[0] > 0.0 else hits.pair[0])]
         if distance[0] > 0.0:
-            return f"{one} stands {distance[0] / MM:.2f} mm from {two}, nearer than allowed"
+            return f"{one} is {distance[0] / MM:.2f} mm from {two}, closer than allowed"
         point = self.scene.meeting_point(poses[0], int(hits.pair[0])) / MM
         place = ", ".join(f"{value:.1f}" for value in point)
         return f"{one} stands in {two}, about [{place}] mm from the robot root"

@@ -120,9 +120,9 @@ def _findings_of(
         part = reach[rating.knots_of(unit)]
         text, hint = "", ""
         if not part.any(axis=1).all():
-            text = f"none of the places of {names} tried reaches all of this"
+            text = f"no position of {names} that was tried reaches all of this"
         elif unit in rating.walled:
-            text = f"tag {name(rating.walled[unit])} is so at every place of {names} tried"
+            text = f"tag {name(rating.walled[unit])} fails at every position of {names} tried"
         elif unit in places.calm:
             run = runs[run_of(runs, low)]
             told.append(_moving(rating, run.external[low - run.low : high - run.low], low, high))
@@ -133,7 +133,7 @@ def _findings_of(
             hint = f"allow moves_in_cuts of {names}, or lift the tool somewhere on the way"
         first = failing[np.searchsorted(failing, low) :][:1]
         if (first < high).any() and not text and places.is_open(unit):
-            what = f"with {names} at the places that were tried no way was found here"
+            what = f"no path was found here with {names} at the positions tried"
             told.append(given_up(rating.checker.problem, int(first[0]), what))
         for i, finding in enumerate(told):
             if text and finding.is_error and finding.tag_index in range(low, high):

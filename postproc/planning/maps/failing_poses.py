@@ -119,7 +119,7 @@ def _nearest(problem: Problem, tag: int, spins: FloatArray) -> FailingPose | Non
         found = postures(problem, tags, T, np.zeros(6))
         if found.inside.any():
             short = share * float(np.linalg.norm(way))
-            note = f"as near as the arm comes: {short / MM:.0f} mm short of the tag"
+            note = f"closest the arm gets: {short / MM:.0f} mm short of the tag"
             return FailingPose(found.q[found.inside][0], note)
     return None
 
@@ -148,7 +148,7 @@ def _free(problem: Problem, q: FloatArray) -> str:
     """Return what is known against a pose that hits nothing."""
     if not problem.regular(q):
         return "the wrist is too straight here"
-    return "one of the poses that were tried; it can be taken, but not the way to it"
+    return "one of the poses tried; it is good, but the path to it is not"
 
 
 def _beyond(problem: Problem, q: FloatArray) -> FailingPose:

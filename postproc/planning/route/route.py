@@ -37,7 +37,8 @@ STOPS = frozenset(EventKind) - {EventKind.MESSAGE, EventKind.UNKNOWN}
 """Events before which the robot stands still."""
 _HOME = -1000
 _NOT_SEARCHED = (
-    f"after {GIVE_UP} connections without a free way only backing off along the tool axis was tried"
+    f"after {GIVE_UP} connections without a free path only backing off along the tool axis was "
+    "tried"
 )
 _STUCK = "the tool cannot back off along its axis from the end of the cut"
 _NO_WAY_IN = "the tool cannot come down along its axis to where the cut begins"
@@ -48,7 +49,7 @@ HOME = -1
 
 
 class Gap(NamedTuple):
-    """A connection for which no free way was found: the finding, the tags before and behind it."""
+    """A connection for which no free path was found: the finding, the tags before and behind it."""
 
     finding: Finding
     before: int
@@ -59,7 +60,7 @@ class Gap(NamedTuple):
 class Route:
     """All moves in order with speeds and times, what is left out, and what was found on the way.
 
-    ``gaps``: connections for which no free way was found.
+    ``gaps``: connections for which no free path was found.
     """
 
     moves: Moves
@@ -203,10 +204,10 @@ def _first_and_last(
         between = free_way(checker, start, goal, problem.placement.external[tag])
         if between is None:
             place = problem.placement.external[tag]
-            detail = _walled_in(checker, home, place, "no way leads from home") or _walled_in(
+            detail = _walled_in(checker, home, place, "no path leads from home") or _walled_in(
                 checker, goal if order == _HOME else start, place
             )
-            so = "no free way was found between home and here"
+            so = "no free path was found between home and here"
             findings.append(failure(problem, tag, Reason.COLLISION, detail or so))
             if not detail:
                 gaps.append(Gap(findings[-1], HOME, tag))
@@ -356,7 +357,7 @@ def _walled_in(
 
 
 def _blocked(checker: Checker, verdict: Verdict, row: int, name: str) -> str:
-    so, pair = f"no free way was found here from tag {name}", int(verdict.pair[row])
+    so, pair = f"no free path was found here from tag {name}", int(verdict.pair[row])
     if verdict.good[row]:
         return f"{so}, once the tool is out of the cut there"
     what = " and ".join(checker.pairs[pair]) if 0 <= pair < len(checker.pairs) else "solids"

@@ -113,5 +113,5 @@ def loss_report(problem: Problem, loss: FloatArray, tags: IndexArray, bound: flo
         Severity.WARNING,
         "PLN305",
         f"{text}; what was found does not keep it under the bound of {100.0 * bound:g} %",
-        hint='the preset "stiffest" gives up least; more key tags or a finer step_deg may help',
+        hint='the preset "stiffest" loses least; more key tags or a finer step_deg may help',
     )

@@ -4,7 +4,7 @@ A cut that fails between key tags and cannot be gone round gets key tags where i
 way is left on the grid, all tags around the break become key tags and their spins are searched in
 finer steps, then farther out, then those of the whole cut. What is still without a way then is
 refuted: every spin of the finest grid, in every branch, at every tag. So is where the best sequence
-leads from tag to tag as no free way was found to.
+leads from tag to tag as no free path was found to.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class Refinement:
             asked[inside] = np.where(asked[inside] == 0, base, asked[inside])
 
     def _around_gaps(self, search: PoseSearch, found: Found, asked: IndexArray) -> None:
-        """Ask for the finest grid at tags between which no free way was found, but none else is."""
+        """Ask for the finest grid at tags that no free path joins, but none else is."""
         into = np.flatnonzero(search.ladder.tolls_on(found.path) > 0.0)
         both = np.union1d(into - 1, into)
         asked[search.tags[both[~search.pinned[both]]]] = 1

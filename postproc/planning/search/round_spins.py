@@ -66,8 +66,8 @@ def between_round(problem: Problem, tags: IndexArray, chosen: Chosen) -> list[Fi
     if not len(fine):
         return []
     text = (
-        f"{len(fine)} of {len(tags)} holes and key tags stand between round spins: of those near "
-        f"by none can be run, or each loses more than {FINER_PRICE / PERCENT:g} % of stiffness"
+        f"{len(fine)} of {len(tags)} holes and key tags have no round spin: nearby ones cannot be "
+        f"run, or lose more than {FINER_PRICE / PERCENT:g} % of stiffness"
     )
     tag = int(fine[0])
     return [Finding(Severity.NOTE, "PLN313", text, tag, problem.toolpath.source(tag))]

@@ -69,7 +69,7 @@ than all that such changes could gain."""
 _CHANGE_BOUND = 1e3
 """So many times as much where the cell bounds losses, which are priced accordingly."""
 _PARTED = 10.0
-"""What a step costs that leads where no free way was found, in such changes: they may help."""
+"""What a step costs that leads where no free path was found, in such changes: they may help."""
 _AROUND = 30.0 * DEG
 """No free way between two poses: so far [rad] around them none is looked for any more."""
 STEADY_BAND = 45.0 * DEG
@@ -95,7 +95,7 @@ where a base is measured anew by some mm or a tool is ground, for .1 % of stiffn
 
 
 class Parted(NamedTuple):
-    """Joints (a, k) and (b, k) [rad] between which no free way was found, first those of the gap.
+    """Joints (a, k) and (b, k) [rad] between which no free path was found, first those of the gap.
 
     Of the arm, A1 to A3, or of all axes where that stands alike at the gap.
     """

@@ -31,7 +31,7 @@ from postproc.units import TURN
 SPIN_GRID = 1e-9
 """Spins are rounded to multiples of this [rad] before poses are built."""
 NO_POSE = (
-    "only joint angles are given, and nothing in the file proves that they are of the cell's arm; "
+    "only joint angles are given, and nothing in the file proves that they are for the cell's arm; "
     "a Cartesian target is needed"
 )
 _CLEAR = 0.1
@@ -276,7 +276,7 @@ def transported(direction: FloatArray, start: FloatArray) -> FloatArray:
         raise PlanError(
             "PLN201",
             f"the tool axis turns by 180 degrees between tags {opposite[0]} and "
-            f"{opposite[0] + 1}; a tag in between is needed to know which way round",
+            f"{opposite[0] + 1}; a tag in between is needed to fix the direction",
         )
     for i in range(1, len(direction)):
         k = cross[i - 1]

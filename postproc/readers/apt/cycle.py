@@ -99,8 +99,8 @@ def _no_hole(state: AptState, statement: Statement, first: str, line: int) -> No
         state.uses.note(name, WordClass.PROCESS, line, "only positions; its point is no hole")
         return
     why = {
-        "MILL": "only positions; its depth is not driven",
-        "CIRCUL": "mills a circular pocket, which is not driven",
+        "MILL": "only positions; its depth is not run",
+        "CIRCUL": "mills a circular pocket, which is not run",
     }.get(first, "is not a drill cycle that is known; its points are read as plain moves")
     state.uses.refuse(name, WordClass.GEOMETRY, line, f"{first[:20]} {why}")
 

@@ -95,7 +95,7 @@ def _name_setup(
         state.uses.refuse(
             word, WordClass.COORDINATES, line,
             f"setup {name} lies elsewhere than the part's coordinates, and nothing says in which "
-            "of the two the points are; they are taken as they stand",
+            "of the two the points are; they are taken as written",
         )  # fmt: skip
 
 
@@ -122,7 +122,7 @@ def csys_statement(state: AptState, statement: Statement, line: int) -> None:
         state.set_axis(*R[:, 2].tolist())
     elif not np.allclose(matrix, np.eye(3, ROW), atol=1e-9):
         state.faults.warn(
-            "APT160", "a CSYS that is not the identity: the points are taken as they stand", line
+            "APT160", "a CSYS that is not the identity: the points are taken as written", line
         )
 
 

@@ -76,7 +76,7 @@ class MotionReader:
         self._faults = faults
         self._uses = uses
         self._rapid = self._cycled = False
-        """Whether a RAPID waits for a point of a later block, and a CYCLE stands behind it."""
+        """Whether a RAPID waits for a point of a later block, and a CYCLE comes after it."""
         self._tangent: list[float] | None = None
         self._towards: list[float] | None = None
         self._rise = NAN

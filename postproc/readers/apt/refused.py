@@ -72,14 +72,14 @@ _NOTED = {
 HARMLESS = "has no meaning for a robot's path"
 
 _REFUSED = {
-    (GEOMETRY, "computes motions; expected is CL data, its result"): (
+    (GEOMETRY, "computes motions; expected the result, CL data"): (
         "MACRO CALL LOOPST JUMPTO IF GO GOFWD GOLFT GORGT GOBACK GOUP GODOWN POCKET SCURV SURF "
         "TLLFT TLRGT OFFSET MATRIX"
     ),
     (GEOMETRY, "a position of the machine's axes, not of the tool tip"): "POSITN",
     (GEOMETRY, "a drop along the tool axis to a level that the file does not give"): "PLUNGE",
-    (GEOMETRY, "the motions after it are not to be driven"): "DNTCUT",
-    (GEOMETRY, "turning, which no robot with a spindle does"): (
+    (GEOMETRY, "the motions after it are not to be run"): "DNTCUT",
+    (GEOMETRY, "turning, which a robot with a spindle cannot do"): (
         "THREAD TURN ROUGH BARFED CATCHR TLSTCK"
     ),
     (COORDINATES, "an instruction to the APT processor; executed twice or never, both are wrong"): (
@@ -159,7 +159,7 @@ def _unknown(state: AptState, statement: Statement, line: int) -> None:
     near = next((known for known in (*sorted(ends), *WORDS) if _is_near(first, known)), None)
     if slip:
         raise state.faults.error(
-            "APT005", f"{statement.word[:30]!r} is no word; is it {near}?", line, statement.text
+            "APT005", f"{statement.word[:30]!r} is not a word; is it {near}?", line, statement.text
         )
     reason = "is in no table of words" + (f"; is it {near}?" if near else "")
     state.uses.refuse(shortened(first), WordClass.UNKNOWN, line, reason)

@@ -351,5 +351,5 @@ class AptState:
         rapid = np.flatnonzero(motions.rapid[arcs.tag])
         if len(rapid):
             self.faults.warn(
-                "APT130", "RAPID before an arc: the arc is driven at feed", int(arcs.line[rapid[0]])
+                "APT130", "RAPID before an arc: the arc is run at feed", int(arcs.line[rapid[0]])
             )

@@ -25,7 +25,7 @@ from postproc.units import Dimension, unit_named
 Handler = Callable[[AptState, Statement, int], None]
 _NX_CENTRE = "CENTERLINE DATA"
 """Comment of NX: the points of this path are those of the tool centre."""
-_LATHE = "turning, which no robot with a spindle does"
+_LATHE = "turning, which a robot with a spindle cannot do"
 _MODES = {
     "INCR": "points as increments, at least for the control",
     "LATHE": _LATHE,

@@ -43,7 +43,7 @@ def doubted(column: Column, values: FloatArray) -> Column:
     slow = size[size < LEAST_RPM]
     if column.unit is not None or not len(slow):
         return column
-    return replace(column, question=f"no unit, and {slow[0]:g} is no spindle speed in 1/min")
+    return replace(column, question=f"no unit, and {slow[0]:g} is not a spindle speed in 1/min")
 
 
 def turns_of(
@@ -71,7 +71,7 @@ def turns_of(
         raise faults.error("CSV035", text, int(line[row]), senses[row])
     below = [row for row in np.flatnonzero(speeds < 0.0).tolist() if senses[row]]
     if below:
-        text = "a negative speed and a sense of rotation: nothing says which way is meant"
+        text = "a negative speed and a sense of rotation: the direction is not clear"
         raise faults.error("CSV036", text, int(line[below[0]]))
     return np.asarray(speeds * [_SENSES[word.lower()] if word else 1.0 for word in senses])
 

@@ -59,7 +59,7 @@ _REFUSED = {
     ),
     (WordClass.GEOMETRY, "threading or turning"): "G32 G33 G33.1 G34 G7",
     (WordClass.COORDINATES, "turns the coordinates"): "G68 G68.1 G68.2 G68.3 G68.4 G53.1",
-    (WordClass.COORDINATES, "shifts the coordinates by what only the control knows"): (
+    (WordClass.COORDINATES, "shifts the coordinates by values that only the control knows"): (
         "G10 G52 G92 G92.1 G92.2 G92.3 G43.1 G43.2 G44 G43.5 G45 G46 G47 G48"
     ),
     (WordClass.PROCESS, "feed by inverse time"): "G93",

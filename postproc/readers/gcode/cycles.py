@@ -39,7 +39,7 @@ def drill(machine: Machine, block: Block, said: dict[str, float]) -> None:
     if mode.plane != "G17":
         raise machine.faults.error("GCD012", "a drill cycle outside of G17", block.line)
     if machine.leans:
-        text = "a drill cycle along z while the head leans"
+        text = "a drill cycle along z while the head is tilted"
         raise machine.faults.error("GCD012", text, block.line)
     if isnan(machine.drill.initial):
         machine.drill = Drill(float(machine.position[2]))
@@ -78,10 +78,10 @@ def _levels(machine: Machine, block: Block) -> tuple[float, float]:
         level += start
         bottom += level
     if isnan(level) or isnan(bottom) or (isnan(start) and machine.modes.retract != "G99"):
-        what = "Z" if isnan(bottom) else "R" if isnan(level) else "a level to come back to"
+        what = "Z" if isnan(bottom) else "R" if isnan(level) else "a retract level"
         raise machine.faults.error("GCD012", f"a drill cycle without {what}", block.line)
     if bottom >= level:
-        text = f"a hole from {level / MM:g} to {bottom / MM:g} mm, expected its end below its R"
+        text = f"a hole from {level / MM:g} to {bottom / MM:g} mm, expected a bottom below R"
         raise machine.faults.error("GCD012", text, block.line)
     return level, bottom
 

@@ -94,6 +94,7 @@ def _refuse(machine: Machine, block: Block, codes: list[str], values: dict[str, 
 def _modes(machine: Machine, block: Block, codes: list[str]) -> None:
     """Let codes hold; a motion code ends a series of holes."""
     found: dict[str, str] = {}
+    units = machine.modes.units
     if "G80" in codes:
         machine.drill, machine.modes.motion = Drill(), ""
     for code in codes:
@@ -112,6 +113,9 @@ def _modes(machine: Machine, block: Block, codes: list[str]) -> None:
             machine.modes.motion = code
         else:
             setattr(machine.modes, group, code)
+    if units not in ("", machine.modes.units) and any(word.letter == "F" for word in block.words):
+        text = "controls differ in which unit F has in the block that changes the unit"
+        machine.uses.refuse("F", WordClass.PROCESS, block.line, text)
 
 
 def _base(machine: Machine, block: Block, code: str) -> None:

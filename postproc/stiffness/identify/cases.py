@@ -108,7 +108,7 @@ def load_cases(
     if measured.wrench is None or not np.any(measured.wrench):
         raise StiffnessError(
             "STF010",
-            "no row has a load (fx_N .. mz_Nm), stiffness cannot be seen",
+            "no row has a load (fx_N .. mz_Nm), so stiffness cannot be measured",
             SourceRef(measured.path),
             hint="read each posture with and without load and give the load's force in fx_N..fz_N",
         )
@@ -182,7 +182,7 @@ def _check_frame(measured: MeasurementSet, rows: _Rows) -> None:
             f"the readings lie {typical / MM:.0f} mm off the nominal tool points, expected the "
             "tool point in the robot root frame",
             SourceRef(measured.path, int(measured.line[0])),
-            hint="give --register if the tracker has its own frame or sees another point; else "
+            hint="give --register if the tracker has its own frame or sees another point, or "
             "check robot and tool of the cell",
         )
 

@@ -55,13 +55,13 @@ def warnings(result: Identification) -> list[str]:
         tail = f"; would be shown by {shown}" if shown else ""
         if estimate.grade is Visibility.UNOBSERVABLE and joint in result.constant.at_bound:
             found.append(
-                f"A{joint + 1} is left out: no stiffness that is physical fits, the data put it "
+                f"A{joint + 1} is left out: no physical stiffness fits, the data put it "
                 f"beyond {BOUNDS[0]:g} to {BOUNDS[1]:g} times the expected compliance"
             )
         elif estimate.grade is Visibility.UNOBSERVABLE:
             twin = seen.confounded.get(joint)
             why = f", it moves the tool like A{twin + 1}" if twin is not None else ""
-            found.append(f"A{joint + 1} cannot be seen under these loads{why}: left out{tail}")
+            found.append(f"A{joint + 1} cannot be measured under these loads{why}: left out{tail}")
         elif seen.visibility[joint] is Visibility.UNOBSERVABLE:
             found.append(f"A{joint + 1} varies too much for one constant; the chosen model has it")
         elif estimate.grade is Visibility.WEAK:

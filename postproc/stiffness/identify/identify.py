@@ -203,9 +203,9 @@ def _require_use(score: ModelScore, moved: float, source: SourceRef) -> None:
         raise StiffnessError(
             "STF018",
             f"on tags not fitted the best model is {score.held_out_mean / MM:.4f} mm off, a rigid "
-            f"arm {moved / MM:.4f} mm: no stiffness can be told",
+            f"arm {moved / MM:.4f} mm: no stiffness can be identified",
             source,
-            hint="check that the loads stand in the rows that were read under them; read more "
+            hint="check that each row has the load it was read under; read more "
             "postures, under larger loads",
         )
 

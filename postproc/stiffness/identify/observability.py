@@ -192,7 +192,7 @@ def shown_text(load: ShowingLoad | None) -> str | None:
     if load is None:
         return None
     if load.motion < 1e-9:
-        return "no force at the tool point; measure a point beside the axis, under a moment"
+        return "no force at the tool point; measure a point off the axis, under a moment"
     direction = " ".join(f"{v:.2g}" for v in load.direction)
     return (
         f"{load.newton:.0f} N along ({direction}) of the robot root: moves the tool "

@@ -137,7 +137,7 @@ def check_strokes(run: Run, match: Match) -> Iterator[Said]:
     inside = height.min(axis=0) < wanted.clear[row] - ON_TOP - match.shift
     for kind, values, most, unit, text in (
         (RunKind.AXIS, off, match.tolerances.axis, DEG, "tilted by {:.4f} deg in the hole"),
-        (RunKind.PATH, side, match.path_tolerance, MM, "{:.4f} mm beside the axis of the hole"),
+        (RunKind.PATH, side, match.path_tolerance, MM, "{:.4f} mm off the axis of the hole"),
     ):
         worst = values.max(axis=0)
         for place, more in listed(np.flatnonzero(inside & (worst > most)), "motions", worst):

@@ -136,7 +136,7 @@ def check_unasked(run: Run, match: Match) -> Iterator[Said]:
 
 
 def check_still(run: Run, match: Match) -> Iterator[Said]:
-    """Yield motions that go nowhere right behind one that cuts: the tool stands in the material.
+    """Yield motions that go nowhere right behind one that cuts: the tool is in the material.
 
     A sub-program begins with a joint motion to where the one before it ended.
     """
@@ -149,7 +149,7 @@ def check_still(run: Run, match: Match) -> Iterator[Said]:
     before = np.maximum.accumulate(np.where(stands, -1, np.arange(len(stands))))
     cuts = stands & ~is_head & (before >= 0) & match.uses.is_cut[before]
     for motion, more in listed(np.flatnonzero(cuts), "motions"):
-        text = f"a motion that goes nowhere: the tool stands where it cuts{more}"
+        text = f"a motion of no length: the tool dwells where it cuts{more}"
         yield Remark(RunKind.PATH, motion, text)
 
 

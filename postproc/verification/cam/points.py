@@ -122,4 +122,4 @@ def _how(match: Match, row: int) -> tuple[RunKind, str]:
         if side <= 10.0 * tolerance < 10.0 * abs(along):
             where = "deeper" if along > 0.0 else "higher"
             return RunKind.DEPTH, f"the hole ends {abs(along) / MM:.3f} mm {where} than asked"
-    return RunKind.POSITION, f"the program goes no nearer than {distance / MM:.4f} mm"
+    return RunKind.POSITION, f"the program comes no nearer than {distance / MM:.4f} mm"

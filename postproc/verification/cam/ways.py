@@ -44,7 +44,7 @@ def check_ways(run: Run, match: Match) -> Iterator[Said]:
         yield Measure("path", worst.deviation / MM, "mm", worst.motion)
     wrong = [(row, way) for row, way in ways.followed.items() if way.is_wrong(limit)]
     for row, way in wrong[:AT_MOST]:
-        text = way.fault or f"{way.deviation / MM:.4f} mm beside the path"
+        text = way.fault or f"{way.deviation / MM:.4f} mm off the path"
         yield Remark(RunKind.PATH, way.motion, f"to {tags.name(row)}: {text}")
 
 
@@ -68,7 +68,7 @@ def check_turns(run: Run, match: Match) -> Iterator[Said]:
     off = 0.5 * (both - turn)
     bad = np.flatnonzero(off > match.tolerances.axis + BENT * turn)
     for place, more in listed(bad, "tags", off):
-        text = f"the tool axis is {off[place] / DEG:.4f} deg beside those of the cut's ends"
+        text = f"the tool axis is {off[place] / DEG:.4f} deg off those of the cut's ends"
         yield Remark(RunKind.AXIS, int(motion[place]), text + more)
 
 
@@ -137,6 +137,6 @@ def _bent(run: Run, match: Match) -> tuple[Followed | None, list[Remark]]:
     place = int(off.argmax())
     bent = Followed(float(off[place]), int(paths.row[sample[place]]))
     beside = int(np.unique(own[off > match.path_tolerance]).size)
-    text = f"the real tool is expected {off[place] / MM:.4f} mm beside the line, {beside} lines"
+    text = f"the real tool is expected {off[place] / MM:.4f} mm off the line, {beside} lines"
     text = f"to {match.tags.name(int(own[place]))}: {text}"
     return bent, [Remark(RunKind.PATH, bent.motion, text)] * bool(beside)

@@ -2,7 +2,42 @@
 
 from __future__ import annotations
 
+import random
+import re
+
 import numpy as np
+
+STYLES = {
+    "plain": lambda text, _: text,
+    "tight": lambda text, _: text if "(" in text else text.replace(" ", ""),
+    "lower": lambda text, _: text[:1] + text[1:].lower(),
+    "signs": lambda text, _: re.sub(r"([XYZIJK])(?=[\d.])", r"\1+", text),
+    "zeros": lambda text, _: re.sub(r"\bG(?=\d\b)", "G0", text),
+    "remarks": lambda text, rng: text
+    if "(" in text
+    else re.sub(r" (?=[XYZIJ])", lambda _: rng.choice([" ", "(go)", " (a) "]), text) + " ; end",
+}  # fmt: skip
+"""How posts write one and the same block."""
+
+
+def dressed(text, seed):
+    """Return a program of the same meaning: runs of blocks as sub-programs, in another style."""
+    rng = random.Random(seed)
+    lines, subs = text.strip().split("\n"), []
+
+    def cut(lines, depth):
+        if depth > 2 or len(lines) < 8:
+            return lines
+        first = rng.randrange(1, len(lines) - 4)
+        last = first + rng.randrange(2, min(25, len(lines) - first - 1))
+        number, place = 100 + len(subs), len(subs)
+        subs.append([])
+        subs[place] = [f"O{number:04d} (SUB)", *cut(lines[first:last], depth + 1), "M99"]
+        return [*lines[:first], f"M98 P{number}", *lines[last:]]
+
+    out = [*lines[:3], *cut(lines[3:-1], 0), "M30", *(line for sub in subs for line in sub)]
+    style = STYLES[rng.choice(sorted(STYLES))]
+    return "\n".join(line if line[0] == "O" else style(line, rng) for line in out) + "\n"
 
 
 def program(seed, blocks=60):

@@ -11,7 +11,7 @@ from postproc.model import EventKind, MotionKind
 from postproc.readers import READERS, ReadOptions, read
 from postproc.testing import check_reader
 from tests.readers.gcode import canon
-from tests.readers.gcode.programs import program
+from tests.readers.gcode.programs import dressed, program
 
 HERE = Path(__file__).parent
 KINDS = {"rapid": MotionKind.RAPID, "line": MotionKind.LINEAR, "arc": MotionKind.ARC}
@@ -80,7 +80,7 @@ def test_random_programs_are_read_as_linuxcnc_drives_them(tmp_path):
     wrong = []
     for seed in range(20):
         path = tmp_path / f"p{seed}.ngc"
-        path.write_text(program(seed))
+        path.write_text(dressed(program(seed), seed))
         wrong += [f"seed {seed} {text}" for text in differences(path, canon.run(path))]
     assert wrong == []
 
@@ -109,7 +109,7 @@ def _read(tmp_path, text, **options):
 def test_what_is_not_executed_stops_by_its_name(tmp_path):
     words = "G41 D1,G16,G51 P2.,G68 R30.,G10 L2 P1 X5.,G52 X1.,G92 X0.,G93,G96,G31 Z-5.,M10,M123"
     words += ",G76 Z-5. R2. Q.5,G87 Z-5. R2.,G68.2 P1,M61 Q3,M97 P5,G65 P9810,G12 I5.,G123,U2."
-    words += ",A30.,B-5."
+    words += ",A30.,B-5.,F9. G20"
     missed = []
     for word in words.split(","):
         part = _read(tmp_path, HEAD + f"G1 Z-1. F100.\n{word}\nG1 X5.\nM30\n")
