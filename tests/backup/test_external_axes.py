@@ -113,7 +113,7 @@ def test_a_positioner_turns_its_base_as_its_chain_says(tmp_path, capsys):
     [
         (1, [*RAIL[:-1]], (), "the speed of E1 is not in the files"),
         (1, [line for line in RAIL if "SOFTP_END" not in line], (), "the soft limits of E1"),
-        (1, [line for line in RAIL if "ERSYSROOT" not in line], (), "where it stands is not"),
+        (1, [line for line in RAIL if "ERSYSROOT" not in line], (), "its place is not"),
         (1, [line.replace("TYPE[7]=1", "TYPE[7]=3") for line in RAIL], (), "linear axes alone"),
         (1, [line.replace("#ERSYS", "#ODD") for line in RAIL], (), "its kind is not known"),
         (1, RAIL[6:], (), "E1: E1 (linear, -100 to 5900 mm"),

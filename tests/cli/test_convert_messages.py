@@ -109,7 +109,7 @@ def test_the_page_shows_how_near_the_arm_comes(part, capsys):
     kinematics = build(load_cell(cell).robot)
     for tag, pose in data["poses"].items():
         words = pose["note"]
-        assert "as near as the arm comes" in words
+        assert "closest the arm gets" in words
         tip = kinematics.fk(np.array(pose["q"])) @ [0.107, 0.0, 0.362, 1.0]
         x, y = 60 * (int(tag) % 6), 60 * (int(tag) // 6)
         gap = np.linalg.norm(tip[:3] * 1000 - [3700 + x, y, 700])

@@ -272,7 +272,7 @@ def test_check_says_what_the_cell_is(capsys):
 
 COAXIAL = [("[107, 0, 362]", "[0, 0, 362]"), ('axis = "+x"', 'axis = "+z"')]
 FINDINGS = [
-    ("CEL101", 0, COAXIAL, "no stiffness to gain"),
+    ("CEL101", 0, COAXIAL, "gains no stiffness"),
     ("CEL102", 0, [("mass_kg = 120.0\n", "")], "no mass_kg"),
     ("CEL103", 1, [("mass_kg = 120.0", "mass_kg = 700")], "carries 500 kg"),
     ("CEL104", 0, [("cog_mm = [0, 0, 180]\n", "")], "centre of gravity"),

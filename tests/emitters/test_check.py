@@ -109,7 +109,7 @@ def test_external_axes_have_to_be_told(plan, read):
 @pytest.mark.parametrize("rows", [[*range(12)], [0, *range(2, 13)], [*range(6), *range(7, 13)]])
 def test_a_move_that_is_missing_is_found(plan, read, rows):
     part = ReadBack(read.kind[rows], read.q[rows], aux=read.aux[rows])
-    assert "not all 13 moves" in words(plan, part)
+    assert "not have all 13 moves" in words(plan, part)
 
 
 def inserted(read, place, kind, q):

@@ -22,8 +22,8 @@ from postproc.jobs.convert import ConvertRequest, convert, explained, read_toolp
 from postproc.records import dataclass
 
 KINDS = {
-    "far": "the arm does not get to",
-    "high": "the arm does not get to",
+    "far": "out of the arm's reach",
+    "high": "out of the arm's reach",
     "margin": "joint_margin_deg",
     "limits": r"lets A\d turn",
     "singular": "singularity_deg",

@@ -75,7 +75,7 @@ def test_placed_where_the_others_agree(tmp_path, home, poses):
     assert np.abs(toolpath.rotations - poses[:, :3, :3]).max() < 1e-7
     assert np.abs(toolpath.axes + poses[:, :3, 0]).max() < 1e-7
     (said,) = [finding for finding in toolpath.warnings if finding.code == "CNV011"]
-    assert "2 targets by joint angles are met" in said.message
+    assert "2 targets by joint angles are placed" in said.message
 
 
 def test_they_convert_and_verify(tmp_path, home, poses, capsys):

@@ -550,7 +550,7 @@ def test_work_offsets_by_number_are_bases(job, run, tmp_path, claims):
     call = ("convert", cam, "--cell", cell, "-o", tmp_path / "out", "--json", "--dialect", "nx")
     code, _, err = run(*call)
     assert code == 2
-    assert "WRD020: setup 1, line 4, matches no base" in err
+    assert "WRD020: setup 1, line 4, is no base" in err
     for old, new in zip(('["MSYS_1"]', '["MCS_2"]'), claims, strict=True):
         text = text.replace(old, new)
     cell.write_text(text)

@@ -499,7 +499,7 @@ def test_a_rim_within_the_part_is_refused_at_once(make_cell, make_path, monkeypa
     monkeypatch.setattr(job.Job, "planned", counted)
     result = plan(toolpath, cell)
     assert {error.code for error in result.errors} == {"PLN104"}
-    assert "is so at every place of E1 tried" in result.errors[0].message
+    assert "fails at every position of E1 tried" in result.errors[0].message
     assert len(count) <= 2
 
 
@@ -516,7 +516,7 @@ def test_a_cut_refused_where_the_axes_stood_is_not_said_to_be_impossible(
     monkeypatch.setattr(solve, "MOST_PLANS", 1)
     result = plan(toolpath, cell)
     assert [error.code for error in result.errors].count("PLN106") == 1
-    assert "with E1 at the places that were tried" in result.errors[-1].message
+    assert "with E1 at the positions tried" in result.errors[-1].message
 
 
 @pytest.mark.slow

@@ -55,7 +55,7 @@ def test_remedies_of_many_failing_tags_are_looked_for_a_few_times_only(
     for tag in asked:
         name = toolpath.tag_name(tag)
         assert hints[tag] == f"remedy of {tag}"
-        near = f"at tag {name} near by: remedy of {tag}"
+        near = f"at tag {name} nearby: remedy of {tag}"
         assert hints[tag + 1 : tag + explain.ALIKE] == [near] * (explain.ALIKE - 1)
     assert all(f"at {explain.HELPED} tags before" in hint for hint in hints[-30:])
 
@@ -81,7 +81,7 @@ def test_the_end_of_a_cut_that_the_tool_cannot_come_away_from(make_path, height)
     toolpath = make_path(points, [0.0, 0.0, 1.0], kind, feed=np.full(n, 0.02))
     finding = plan(toolpath, under_beam(height, 50)).errors[0]
     assert (finding.code, finding.tag_index) == ("PLN104", n - 1)
-    assert "cannot come away from the cut" in finding.hint
+    assert "cannot leave the cut" in finding.hint
     assert "lower [motion] approach_mm" in finding.hint
     assert not plan(toolpath, under_beam(height, 10)).errors
 

@@ -133,7 +133,7 @@ def test_files_with_several_tools_need_them_in_the_cell(corpus, tmp_path):
         if TOOLS not in needs:
             assert not claimed(toolpath, load_cell(one)).findings, name
             continue
-        with pytest.raises(CellError, match="matches no tool"):
+        with pytest.raises(CellError, match="is no tool of"):
             claimed(toolpath, load_cell(one))
         many = tmp_path / "many.toml"
         many.write_text(CELL + tools_table(toolpath))

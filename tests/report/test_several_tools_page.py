@@ -114,5 +114,5 @@ def test_the_page_of_a_job_with_a_missing_tool_says_so(browser, job, tmp_path):
     assert app.run([*call, "--report", str(page)]) == 1
     browser.open(page, READY)
     assert "no tool, base 3" in text(browser, "#which")
-    assert "matches no tool" in text(browser, "#which")
+    assert "is no tool of" in text(browser, "#which")
     assert browser.problems == []
