@@ -237,7 +237,7 @@ def tangency(
 
 _HALF = 1e-4
 """An arc this near to half turns or full ones [turns] can go either way."""
-_HINT = "--arc-sense ccw or --arc-sense cw tells it, or [import] arc_sense in the cell"
+_HINT = "--arc-sense ccw or --arc-sense cw says it, or [import] arc_sense in the cell"
 
 
 @dataclass(frozen=True, slots=True)
@@ -307,7 +307,7 @@ def settled_senses(
         line = int(records.line[row])
         word = "MOVARC" if swept[row] else "ARC" if around.own_end[row] else "CIRCLE"
         if against[row] or (alone[row] and word == "ARC"):
-            why = ", and so it goes back on what lies beside it" if against[row] else ""
+            why = ", so it turns back on its neighbours" if against[row] else ""
             uses.refuse(
                 word, WordClass.GEOMETRY, line,
                 "its sense is not in the record: counterclockwise (read so) or clockwise about its "
@@ -316,15 +316,15 @@ def settled_senses(
         elif alone[row]:
             faults.warn(
                 "APT133",
-                "both senses of an arc meet its end and no tangent neighbour tells which; it goes "
+                "both senses of an arc meet its end and no tangent neighbour decides it; it goes "
                 "counterclockwise about the written vector",
                 line,
             )
         elif sense[row] < 0 and not is_told[row]:
             faults.warn(
                 "APT134",
-                "an arc without a sense in its record goes clockwise about its vector, as arcs of "
-                "this file are tangent to what lies beside them; most systems mean "
+                "an arc without a sense in its record goes clockwise about its vector, since arcs "
+                "of this file are then tangent to their neighbours; most systems mean "
                 "counterclockwise",
                 line,
             )

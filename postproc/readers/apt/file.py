@@ -165,7 +165,7 @@ def _with_splines(state: AptState, table: _Tags) -> tuple[_Tags, IndexArray]:
             )
         )
         state.faults.warn(
-            "APT131", "NURBS driven as straight pieces within the chord tolerance", spline.line
+            "APT131", "NURBS run as straight pieces within the chord tolerance", spline.line
         )
     parts.append(table.rows(np.arange(at, len(table))))
     return _Tags.concat(parts), shift

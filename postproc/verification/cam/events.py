@@ -120,7 +120,7 @@ def check_surplus(run: Run, match: Match) -> Iterator[Said]:
         text = f"{event.name} is called, and the CAM file does not ask for it"
         severity = Severity.WARNING
         if id(event) in harmful:
-            text += ": tool, spindle or coolant are not as in the file behind it"
+            text += ": after it tool, spindle or coolant differ from the file"
             severity = Severity.ERROR
         yield Remark(RunKind.EVENT, trace.place_of(event), text, severity)
 

@@ -111,7 +111,7 @@ def check_approximation(run: Run, match: Match) -> Iterator[Said]:
 
 def _way(reach: float) -> str:
     if np.isinf(reach):
-        return "approximated by nobody knows how much"
+        return "approximated by an unknown amount"
     return "passed without a stop" if reach == _DIGITS else f"approximated by {reach / MM:g} mm"
 
 

@@ -272,7 +272,7 @@ def _difference(
         values = ", ".join(str(item) for item in call.arguments) or f"{call.value:g}"
         return f"{call.name} ({values}): line {event.line} has {event.kind} {event.text} {value}"
     if not span.first <= call.motion <= span.last:
-        return f"{call.name} comes elsewhere than {event.text} in line {event.line}"
+        return f"{call.name} is at another place than {event.text} in line {event.line}"
     return ""
 
 
