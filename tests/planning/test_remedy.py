@@ -57,7 +57,7 @@ def test_remedies_of_many_failing_tags_are_looked_for_a_few_times_only(
         assert hints[tag] == f"remedy of {tag}"
         near = f"at tag {name} nearby: remedy of {tag}"
         assert hints[tag + 1 : tag + explain.ALIKE] == [near] * (explain.ALIKE - 1)
-    assert all(f"at {explain.HELPED} tags before" in hint for hint in hints[-30:])
+    assert all(f"at {explain.HELPED} earlier tags" in hint for hint in hints[-30:])
 
 
 def under_beam(height, approach):
