@@ -45,7 +45,14 @@ from postproc.jobs.unit_doubts import check_units
 from postproc.kinematics import build
 from postproc.krl import legal_name
 from postproc.model import ModelFile, Plan, ToolPath, load_model
-from postproc.planning import PlanOptions, grade_counts, near_solids, settle, tag_clearances
+from postproc.planning import (
+    PlanOptions,
+    grade_counts,
+    near_solids,
+    repairs_tried,
+    settle,
+    tag_clearances,
+)
 from postproc.planning import plan as plan_toolpath
 from postproc.process import (
     as_served,
@@ -463,6 +470,7 @@ def document(conversion: Conversion) -> dict[str, Any]:
         "trade": [outcome.to_dict() for outcome in conversion.trade],
         "compensation": _compensation(conversion),
         "cycle_time_s": round(plan.cycle_time, 3),
+        "tried": repairs_tried(plan),
         "warnings": [
             {
                 "line": finding.source.line if finding.source else None,

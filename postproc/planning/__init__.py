@@ -29,6 +29,7 @@ from postproc.planning.places import Rank, Reach
 from postproc.planning.planner import plan
 from postproc.planning.route import cell_at
 from postproc.planning.search import arc_length
+from postproc.planning.solve import repairs_tried
 from postproc.planning.states import (
     HELD,
     OBJECTIVES,

@@ -130,6 +130,16 @@ def with_tried(plan: Plan, tried: Counter[str]) -> Plan:
     return replace(plan, settings={**plan.settings, "tried": total})
 
 
+def repairs_tried(plan: Plan) -> list[dict[str, object]]:
+    """Return what was tried for a plan, as documents say it: each repair, why, and how often."""
+    tried = tried_for(plan)
+    return [
+        {"repair": row.name, "because": row.evidence, "times": tried[row.name]}
+        for row in REPAIRS
+        if row.name in tried
+    ]
+
+
 def solve(checker: Checker, clock: Clock, *, partial: bool, goes_on: bool) -> Solved:
     """Return the poses with the fewest errors and the moves between them.
 

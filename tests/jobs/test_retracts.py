@@ -9,7 +9,7 @@ import pytest
 
 from postproc.cell import parse_cell
 from postproc.errors import CellError, Severity
-from postproc.jobs.convert import ConvertRequest, convert
+from postproc.jobs.convert import ConvertRequest, convert, document
 from postproc.krl.text.parse import parse_files
 from postproc.model import Event, EventKind, MotionKind, MoveKind, MoveRole
 from postproc.readers import read
@@ -88,6 +88,8 @@ def test_the_tool_is_lifted_off_goes_round_and_comes_down_where_it_left():
     assert told.severity is Severity.WARNING
     assert told.tag_index == plan.tag[up]
     assert told.source.line == toolpath.line[told.tag_index]
+    tried = {row["repair"]: row["times"] for row in document(job)["tried"]}
+    assert tried["a cut left and entered again"] == 1
     modules = parse_files(job.files)
     assert verify(modules, modules[0].name, cell, toolpath).ok
 

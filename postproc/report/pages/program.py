@@ -11,7 +11,7 @@ from postproc.arrays import AnyIntArray, IntArray
 from postproc.cell import Cell
 from postproc.errors import Finding, Severity, headlines
 from postproc.model import MoveKind, MoveRole, Plan, ToolPath
-from postproc.planning import FailingPose, PlanMaps, SpinIndex, cell_at, stand_ins
+from postproc.planning import FailingPose, PlanMaps, SpinIndex, cell_at, repairs_tried, stand_ins
 from postproc.report.parts import (
     Drawing,
     Page,
@@ -124,9 +124,12 @@ def lead(
     tags, total, failing = len(plan.toolpath), plan.cycle_time, _failing(findings)
     nearest = _nearest(maps, columns)
     errors = [finding for finding in findings if finding.severity is Severity.ERROR]
+    rows = [f"{row['repair']} ({row['because']}) {row['times']}x" for row in repairs_tried(plan)]
+    tried = [f"Tried where something was missing at first: {'; '.join(rows)}."] if rows else []
     if failing:
         first = failing[min(failing)]
-        return [f"No program: {len(failing)} of {tags} tags fail.{nearest}", f"First: {first}"]
+        head = f"No program: {len(failing)} of {tags} tags fail.{nearest}"
+        return [head, f"First: {first}", *tried]
     if errors:
         return [f"No program: {errors[0].message}.{nearest}"]
     careful = "".join(f", but {text}" for text in headlines(findings))
@@ -143,7 +146,7 @@ def lead(
         lines.append(plan.compensation_note)
     counts = ", ".join(f"{count} {name}" for name, count in maps.grades.items())
     lines.append(f"Margin to joint limits, straight wrist and solids: {counts}.")
-    return lines
+    return lines + tried
 
 
 def _nearest(maps: PlanMaps, columns: Sequence[TagColumn]) -> str:
