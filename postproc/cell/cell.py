@@ -399,7 +399,7 @@ class KrlOptions:
     """How programs are written.
 
     ``emitter``: name of the registered emitter; the rest is for that of KUKA. ``advance``: motions
-    planned ahead; ``orientation_speed`` [rad/s]; ``path_speed_max`` [m/s]; ``block_time`` [s] to
+    planned ahead; ``orientation_speed`` [rad/s]; ``path_speed_max`` [m/s]; ``block`` [s] to
     plan a motion; ``memory`` [bytes] for programs; ``hooks``: event to the routine that the
     integrator defines.
     """
@@ -415,7 +415,7 @@ class KrlOptions:
     advance: int
     orientation_speed: float
     path_speed_max: float
-    block_time: float
+    block: float
     memory: float
     cam_lines: bool
     setup: bool

@@ -1,10 +1,12 @@
-"""Tables of options of a cell file in file units, with their defaults, to options in SI units."""
+"""Tables of options of a cell file in file units, with their defaults, to options in SI units.
+
+A key is called as its option, and ends in its unit. What is no more than that stands nowhere else.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-
-import numpy as np
+from typing import Any
 
 from postproc.cell.cell import KrlOptions, Limits, Motion, Optimize, Reading, Thin, TiltRange
 from postproc.cell.forms import routines
@@ -14,74 +16,48 @@ from postproc.cell.schema import (
     LimitsTable,
     MotionTable,
     OptimizeTable,
+    Table,
 )
 from postproc.units import DEG, MEGABYTE, MM, MM_PER_MIN, MS, PERCENT
+
+_UNITS = {
+    "_mm_min": MM_PER_MIN,
+    "_m_s": 1.0,
+    "_deg_s": DEG,
+    "_percent": PERCENT,
+    "_deg": DEG,
+    "_mm": MM,
+    "_ms": MS,
+    "_mb": MEGABYTE,
+}
+"""End of a key to what one of its unit is in SI; the first that fits."""
 
 
 def limits_of(table: LimitsTable) -> Limits:
     """Return the margins of ``[limits]``."""
-    depth = table.contact_depth_mm
-    return Limits(
-        joint_margin=table.joint_margin_deg * DEG,
-        singularity=table.singularity_deg * DEG,
-        clearance=table.clearance_mm * MM,
-        contact_depth=float("inf") if depth is None else depth * MM,
-    )
+    return Limits(**_in_si(table, contact_depth=float("inf")))
 
 
 def optimize_of(table: OptimizeTable) -> Optimize:
     """Return the options of ``[optimize]``."""
-    bound = table.loss_bound_percent
-    return Optimize(
-        objective=table.objective,
-        index=table.index,
-        step=table.step_deg * DEG,
-        range=_angles(table.range_deg),
-        strategy=table.strategy,
-        preset=table.preset,
-        turns=table.turns,
-        refine=table.refine,
-        spin_round=table.spin_round_deg * DEG,
-        keep_loss=table.keep_loss_percent * PERCENT,
-        key_every=table.key_every_mm * MM,
-        key_corner=table.key_corner_deg * DEG,
-        key_tags=tuple(str(tag) for tag in table.key_tags),
-        loss_bound=None if bound is None else bound * PERCENT,
-        free_order=table.free_order,
-        pins={tag: spin * DEG for tag, spin in table.pins.items()},
-        tilt=TiltRange(
-            lead=_angles(table.lead_deg),
-            side=_angles(table.side_tilt_deg),
-            step=table.tilt_step_deg * DEG,
-        ),
-    )
+    found = _in_si(table)
+    tilt = TiltRange(*(found.pop(name) for name in ("lead", "side_tilt", "tilt_step")))
+    found["key_tags"] = tuple(map(str, table.key_tags))
+    found["pins"] = {tag: spin * DEG for tag, spin in table.pins.items()}
+    return Optimize(**found, tilt=tilt)
 
 
 def motion_of(table: MotionTable) -> Motion:
     """Return the options of ``[motion]``."""
-    rapid = table.rapid_percent * PERCENT
-    return Motion(
-        rapid=rapid,
-        rapid_speed=table.rapid_speed_m_s * rapid,
-        feed=float("nan") if table.feed_mm_min is None else table.feed_mm_min * MM_PER_MIN,
-        approximation=table.approximation_mm * MM,
-        corner_tolerance=table.corner_tolerance_mm * MM,
-        home=None if table.home_deg is None else np.array(table.home_deg) * DEG,
-        approach=table.approach_mm * MM,
-        points=table.points,
-        chord=table.chord_mm * MM,
-        arcs=table.arcs,
-        thin=None
-        if table.thin is None
-        else Thin(table.thin.chord_mm * MM, table.thin.axis_deg * DEG),
-        retract_in_cuts=table.retract_in_cuts,
-        path_entry=table.path_entry,
-    )
+    found = _in_si(table, feed=float("nan"))
+    found["rapid_speed"] *= found["rapid"]
+    found["thin"] = None if table.thin is None else Thin(**_in_si(table.thin))
+    return Motion(**found)
 
 
 def reading_of(table: ImportTable) -> Reading:
     """Return the options of ``[import]``."""
-    return Reading(**{**table.model_dump(), "accept_words": tuple(table.accept_words)})
+    return Reading(**_in_si(table))
 
 
 def krl_of(table: KrlTable, hole: Sequence[str] = ()) -> KrlOptions:
@@ -91,32 +67,22 @@ def krl_of(table: KrlTable, hole: Sequence[str] = ()) -> KrlOptions:
         table: as in the file.
         hole: routines of ``[process] hole``: called ``PP_`` and their name unless the table says.
     """
-    return KrlOptions(
-        emitter=table.emitter,
-        template=table.template,
-        max_points_per_file=table.max_points_per_file,
-        split=table.split,
-        motion=table.motion,
-        points=table.points,
-        kss=table.kss,
-        home=table.home,
-        advance=table.advance,
-        orientation_speed=table.orientation_speed_deg_s * DEG,
-        path_speed_max=table.path_speed_max_m_s,
-        block_time=table.block_ms * MS,
-        memory=table.memory_mb * MEGABYTE,
-        cam_lines=table.cam_lines,
-        setup=table.setup,
-        hooks_example=table.hooks_example,
-        hooks=routines(table.hooks, hole),
-        outputs=dict(table.outputs),
-        inputs=dict(table.inputs),
-        stops_advance=None
-        if table.hooks.stops_advance is None
-        else tuple(table.hooks.stops_advance),
-    )
+    found = _in_si(table)
+    del found["inertia_kg_m2"]  # of the tool
+    found["hooks"], stops = routines(table.hooks, hole), table.hooks.stops_advance
+    found["stops_advance"] = None if stops is None else tuple(stops)
+    return KrlOptions(**found)
 
 
-def _angles(limits: Sequence[float]) -> tuple[float, float]:
-    low, high = limits
-    return low * DEG, high * DEG
+def _in_si(table: Table, **missing: float) -> dict[str, Any]:
+    """Return the values of a table by the names of their options; ``missing``: those of None."""
+    found: dict[str, Any] = {}
+    for key, value in table:
+        unit = next((end for end in _UNITS if key.endswith(end)), "")
+        name, factor = key.removesuffix(unit), _UNITS.get(unit)
+        if isinstance(value, list):
+            value = tuple(value if factor is None else (number * factor for number in value))
+        elif value is not None and factor is not None:
+            value = value * factor
+        found[name] = missing.get(name) if value is None else value
+    return found

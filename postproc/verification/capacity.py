@@ -69,7 +69,7 @@ def _check_rate(run: Run, rows: AnyIntArray, ahead: int) -> Iterator[Said]:
     cell = run.cell
     total = _summed(motion_times(run.paths))
     times = total[rows + ahead] - total[rows]
-    fast = np.flatnonzero(times < ahead * cell.krl.block_time * _HELD)
+    fast = np.flatnonzero(times < ahead * cell.krl.block * _HELD)
     if not len(fast):
         return
     worst = int(fast[np.argmin(times[fast])])
@@ -77,7 +77,7 @@ def _check_rate(run: Run, rows: AnyIntArray, ahead: int) -> Iterator[Said]:
         RunKind.BLOCK_RATE,
         int(rows[worst]),
         f"{ahead / max(times[worst], 1e-9):.0f} points per second, the controller plans about "
-        f"{1.0 / cell.krl.block_time:.0f} ({cell.krl.block_time / MS:g} ms each), at "
+        f"{1.0 / cell.krl.block:.0f} ({cell.krl.block / MS:g} ms each), at "
         f"{len(fast)} points",
         Severity.WARNING,
     )

@@ -34,7 +34,7 @@ def test_points_that_follow_faster_than_the_controller_plans(cell):
     message = warned(cell, *line(60, 1.0, 0.1, push=20.0))["block_rate"]
     assert "100 points per second" in message
     assert "about 83 (12 ms each)" in message
-    quick = replace(cell, krl=replace(cell.krl, block_time=0.009))
+    quick = replace(cell, krl=replace(cell.krl, block=0.009))
     assert "block_rate" not in warned(quick, *line(60, 1.0, 0.1, push=20.0))
     assert "block_rate" not in warned(cell, *line(60, 1.0, 0.1, blend="", push=20.0))
 
