@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from postproc.model import ToolPath
 
 SCHEMA = "postproc.batch/1"
-_OPTIONS = {"cell", "name", "format", "dialect", "units", "columns", "task", "cycle_words"}
-_OPTIONS |= {"feed_units", "accept_words", "recover", "emitter", "strategy", "objective", "preset"}
-_OPTIONS |= {"model", "partial", "arc_sense", "head"}
+_OF_ONE = {"source", "pins", "keep", "cam_lines", "trade"}
+"""What a conversion is asked for that a table of a batch cannot ask for."""
+_OPTIONS = {f.name for f in fields(ConvertRequest)} - _OF_ONE
 
 
 @dataclass(frozen=True, slots=True)

@@ -289,6 +289,11 @@ def reading(options: Mapping[str, Any]) -> dict[str, Any]:
     return {name: options[name] for name in READING}
 
 
+def given(kind: type, options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return those of a command's options that fields of a dataclass are named after."""
+    return {name: options[name] for name in kind.__annotations__ if name in options}
+
+
 def read_cam(source: str, options: Mapping[str, Any], cell: Cell) -> ToolPath:
     """Read a CAM file as ``reading_options`` say.
 

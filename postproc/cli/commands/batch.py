@@ -14,7 +14,7 @@ from postproc.cli.common import (
     Session,
     answer,
     emitter_option,
-    reading,
+    given,
     reading_options,
     standard_options,
 )
@@ -78,27 +78,10 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     from postproc.batch import BatchOptions, call_of
     from postproc.jobs.convert import ConvertRequest
 
-    base = ConvertRequest(
-        source="",
-        cell=options["cell"] or "",
-        **reading(options),
-        emitter=options["emitter"],
-        strategy=options["strategy"],
-        objective=options["objective"],
-        preset=options["preset"],
-        model=options["model"],
-        keep=options["keep"],
-    )
-    limits = BatchOptions(
-        workers=options["jobs"],
-        dask=options["dask"],
-        force=options["force"],
-        prune=options["prune"],
-        timeout=options["timeout"],
-        memory=options["memory"],
-        split=options["split"],
-        pages=_pages(options["report"]),
-    )
+    options["cell"] = options["cell"] or ""
+    base = ConvertRequest(source="", **given(ConvertRequest, options))
+    pages = _pages(options["report"])
+    limits = BatchOptions(options["jobs"], pages=pages, **given(BatchOptions, options))
     jobs, remarks = call_of(options["inputs"], base, limits, options["config"])
     for remark in remarks:
         session.say(remark)

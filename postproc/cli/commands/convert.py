@@ -13,7 +13,7 @@ from postproc.cli.common import (
     Session,
     answer,
     emitter_option,
-    reading,
+    given,
     reading_options,
     standard_options,
 )
@@ -90,21 +90,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     """
     from postproc.jobs.convert import ConvertRequest, convert, document, explained, land
 
-    request = ConvertRequest(
-        source=options["source"],
-        cell=options["cell"],
-        name=options["name"],
-        **reading(options),
-        emitter=options["emitter"],
-        strategy=options["strategy"],
-        objective=options["objective"],
-        preset=options["preset"],
-        trade=options["trade"],
-        model=options["model"],
-        pins=options["pins"],
-        keep=options["keep"],
-        partial=options["partial"],
-    )
+    request = ConvertRequest(**given(ConvertRequest, options))
     with session.progress() as progress:
         conversion = explained(convert(request, progress), request)
         maps = _spin_maps(conversion, options["spin_maps"], progress)
