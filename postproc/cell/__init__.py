@@ -4,15 +4,11 @@ from postproc.cell.cache import cell_files, shared_cell
 from postproc.cell.cell import (
     Cell,
     ExternalAxis,
-    KrlOptions,
     MeshPlacement,
-    Optimize,
     OpwGeometry,
     Origin,
     Provenance,
-    Reading,
     Robot,
-    TiltRange,
     Tool,
     UrdfGeometry,
     Workpiece,
@@ -44,6 +40,7 @@ from postproc.cell.edit import (
 from postproc.cell.file import cell_toml, load_cell, parse_cell
 from postproc.cell.forms import cam_key
 from postproc.cell.instrument import Instrument
+from postproc.cell.options import KrlOptions, Optimize, Reading, TiltRange
 from postproc.cell.reference import cell_reference
 from postproc.cell.robotfile import (
     KUKA_OFFSETS_DEG,

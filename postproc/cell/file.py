@@ -2,32 +2,37 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ValidationError
-from pydantic_core import ErrorDetails
+from pydantic import ValidationError
 
 from postproc.arrays import FloatArray
 from postproc.cell.cell import (
     Cell,
     ExternalAxis,
     MeshPlacement,
-    Motion,
     Origin,
-    Process,
     Provenance,
     Robot,
     Tool,
     Workpiece,
 )
+from postproc.cell.complaint import complaint, dotted
 from postproc.cell.forms import cam_key, check_forms, hole_steps
-from postproc.cell.instrument import Instrument
-from postproc.cell.options import krl_of, limits_of, motion_of, optimize_of, reading_of
+from postproc.cell.instrument import in_m, instrument_of
+from postproc.cell.options import (
+    Motion,
+    krl_of,
+    limits_of,
+    motion_of,
+    optimize_of,
+    process_of,
+    reading_of,
+)
 from postproc.cell.robotfile import (
     LENGTHS,
     assumed_acceleration,
@@ -54,10 +59,8 @@ from postproc.geometry import AXES, transform, transform_from_kuka
 from postproc.records import dataclass
 from postproc.resources import templates_folder
 from postproc.toml import Location, TomlText, parse_toml
-from postproc.units import DEG, MM, NMM_PER_RAD, PERCENT, RPM
+from postproc.units import DEG, MM, NMM_PER_RAD
 
-_MOST_EXPLAINED = 100
-"""Errors of one file that are put into words: six are shown."""
 CUTTER = "cutter"
 """Name of the solid that a tool has by its key ``cutter``."""
 
@@ -100,7 +103,7 @@ def parse_cell(raw: bytes, path: str | Path) -> Cell:
     try:
         file = CellFile.model_validate(toml.data)
     except ValidationError as problem:
-        raise _complaint(toml, problem) from None
+        raise complaint(toml, problem) from None
     check_forms(toml, file)
     return _Builder(toml, file, Path(path).parent).cell()
 
@@ -126,32 +129,15 @@ class _Builder:
             obstacles=self._solids(file.obstacles, ("obstacles",), "obstacle"),
             limits=limits_of(file.limits),
             optimize=optimize_of(file.optimize),
-            process=_process(file),
+            process=process_of(file.process),
             motion=self._motion(robot),
             krl=replace(krl_of(file.krl, hole_steps(file.process)), template=self._template()),
             reading=reading_of(file.reading),
             accept=tuple(file.verify.accept),
             external_axes=tuple(_external_axis(axis) for axis in file.external_axes),
-            measuring_sigma=_in_m(file.measuring.sigma_mm),
-            instrument=self._instrument(),
+            measuring_sigma=in_m(file.measuring.sigma_mm),
+            instrument=instrument_of(file.measuring),
             origins=_origins(file, robot),
-        )
-
-    def _instrument(self) -> Instrument:
-        table = self.file.measuring
-        stated = {
-            "instrument": table.instrument,
-            "serial": table.serial,
-            "calibrated": table.calibrated,
-            "operator": table.operator,
-            "date": table.date,
-        }
-        return Instrument(
-            _in_m(table.range_sigma_mm),
-            table.range_sigma_mm_per_m * MM,
-            _in_m(table.angle_sigma_mm_per_m),
-            np.array(table.stands_mm) * MM,
-            {name: text for name, text in stated.items() if text is not None},
         )
 
     def _robot(self) -> Robot:
@@ -297,7 +283,7 @@ class _Builder:
         if not path.is_file():
             raise CellError(
                 "CEL005",
-                f"{_dotted(at)}: no such file {name!r} beside the cell file",
+                f"{dotted(at)}: no such file {name!r} beside the cell file",
                 self.toml.source(at),
             )
         return path
@@ -391,23 +377,6 @@ def _external_axis(table: ExternalAxisTable) -> ExternalAxis:
     )
 
 
-def _in_m(mm: float | None) -> float | None:
-    return None if mm is None else mm * MM
-
-
-def _process(file: CellFile) -> Process:
-    table = file.process
-    return Process(
-        np.array([*table.force_N, *table.moment_Nm]),
-        {load.name: np.array([*load.force_N, *load.moment_Nm]) for load in table.operations},
-        hole_steps(table),
-        table.feed_by == "unit",
-        0.0 if table.least_feed_percent is None else table.least_feed_percent * PERCENT,
-        table.started_by,
-        0.0 if table.spindle_rpm is None else table.spindle_rpm * RPM,
-    )
-
-
 def _origins(file: CellFile, robot: Robot) -> dict[str, Origin]:
     """Return for each key of the file whether it was given or is a default."""
     given = Origin(Provenance.USER, "cell file")
@@ -422,81 +391,3 @@ def _origins(file: CellFile, robot: Robot) -> dict[str, Origin]:
     if "joint_stiffness" in robot.origins:
         origins["stiffness.joint_Nmm_per_rad"] = robot.origins["joint_stiffness"]
     return origins
-
-
-def _complaint(toml: TomlText, problem: ValidationError) -> CellError:
-    """Return the first complaint as an error; the others go into the hint.
-
-    Unknown keys come first, since a misspelt key makes a required one look missing; then by line.
-    """
-    errors = problem.errors(include_url=False)
-    found = [_explain(toml, detail) for detail in errors[:_MOST_EXPLAINED]]
-    found.sort(key=lambda e: (e.code != "CEL002", e.source.line if e.source else 0))
-    first, others = found[0], found[1:]
-    hints = [first.hint] if first.hint else []
-    if others:
-        shown = [f"line {e.source.line if e.source else 1}: {e.message}" for e in others[:5]]
-        more = [f"and {len(errors) - 6} more"] if len(others) > 5 else []
-        hints.append("also " + "; ".join([*shown, *more]))
-    return CellError(first.code, first.message, first.source, "; ".join(hints))
-
-
-def _explain(toml: TomlText, detail: ErrorDetails) -> CellError:
-    location: Location = tuple(detail["loc"])
-    if detail["type"] == "extra_forbidden":
-        return _unknown_key(toml, location)
-    if detail["type"] == "missing":
-        table = _dotted(location[:-1]) or "the file"
-        return CellError(
-            "CEL003", f"{table}: key {location[-1]!r} is missing", toml.source(location[:-1])
-        )
-    known = location
-    while known and known not in toml.lines:
-        known = known[:-1]
-    message = detail["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
-    value = detail["input"]
-    shown = f", found {_shown(value)}" if not isinstance(value, (dict, BaseModel)) else ""
-    if detail["type"] == "value_error":
-        shown = ""
-    place = f"{_dotted(known)}: " if known else ""
-    return CellError("CEL004", f"{place}{message}{shown}", toml.source(known))
-
-
-def _shown(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
-
-
-def _unknown_key(toml: TomlText, location: Location) -> CellError:
-    key, names = str(location[-1]), sorted(_known_keys(location[:-1]))
-    nearest = difflib.get_close_matches(key.lower(), names, n=1, cutoff=0.0)[0]
-    return CellError(
-        "CEL002",
-        f"unknown key {_dotted(location)!r}, the nearest known one is {nearest!r}",
-        toml.source(location),
-        hint=f"keys known here: {', '.join(names)}",
-    )
-
-
-def _known_keys(location: Location) -> set[str]:
-    """Return the keys of the table at a location of the file."""
-    table: type[BaseModel] = CellFile
-    for part in location:
-        names = {field.alias or name: field for name, field in table.model_fields.items()}
-        field = names.get(str(part))
-        inner = _tables_in(field.annotation) if field else []
-        table = inner[0] if inner else table
-    return {field.alias or name for name, field in table.model_fields.items()}
-
-
-def _tables_in(annotation: object) -> list[type[BaseModel]]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [annotation]
-    return [table for inner in get_args(annotation) for table in _tables_in(inner)]
-
-
-def _dotted(location: Location) -> str:
-    text = ""
-    for part in location:
-        text += f"[{part + 1}]" if isinstance(part, int) else f".{part}"
-    return text.removeprefix(".")

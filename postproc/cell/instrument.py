@@ -8,7 +8,9 @@ from dataclasses import field
 import numpy as np
 
 from postproc.arrays import FloatArray, frozen_floats
+from postproc.cell.schema import MeasuringTable
 from postproc.records import dataclass
+from postproc.units import MM
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,3 +65,21 @@ class Instrument:
             np.where(partial[:, None, None], np.eye(3), axes),
             np.where(partial[:, None], spread, sigma),
         )
+
+
+def instrument_of(table: MeasuringTable) -> Instrument:
+    """Return the device of ``[measuring]``."""
+    names = ("instrument", "serial", "calibrated", "operator", "date")
+    stated = {name: getattr(table, name) for name in names}
+    return Instrument(
+        in_m(table.range_sigma_mm),
+        table.range_sigma_mm_per_m * MM,
+        in_m(table.angle_sigma_mm_per_m),
+        np.array(table.stands_mm) * MM,
+        {name: text for name, text in stated.items() if text is not None},
+    )
+
+
+def in_m(mm: float | None) -> float | None:
+    """Return a length in m, None for none."""
+    return None if mm is None else mm * MM

@@ -7,16 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from postproc.cell.cell import (
-    Cell,
-    Limits,
-    MeshPlacement,
-    Process,
-    RobotSolids,
-    Tool,
-    Workpiece,
-)
-from postproc.cell.options import krl_of, motion_of, optimize_of
+from postproc.cell.cell import Cell, MeshPlacement, RobotSolids, Tool, Workpiece
+from postproc.cell.options import Limits, Process, krl_of, motion_of, optimize_of
 from postproc.cell.robotfile import load_robot
 from postproc.cell.schema import KrlTable, MotionTable, OptimizeTable
 from postproc.collision.mesh import Mesh, box, cylinder, joined, loft, ring

@@ -6,17 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from postproc.cell.cell import (
-    Cell,
-    ExternalAxis,
-    Limits,
-    OpwGeometry,
-    Process,
-    Robot,
-    Tool,
-    Workpiece,
-)
-from postproc.cell.options import krl_of, motion_of, optimize_of
+from postproc.cell.cell import Cell, ExternalAxis, OpwGeometry, Robot, Tool, Workpiece
+from postproc.cell.options import Limits, Process, krl_of, motion_of, optimize_of
 from postproc.cell.schema import KrlTable, MotionTable, OptimizeTable
 from postproc.geometry.frames import rotation_from_abc, transform
 from postproc.model.plan import MoveKind, MoveRole, Plan

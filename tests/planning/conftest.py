@@ -7,14 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from postproc.cell.cell import (
-    Cell,
-    Limits,
-    Process,
-    Tool,
-    Workpiece,
-)
-from postproc.cell.options import krl_of, motion_of, optimize_of
+from postproc.cell.cell import Cell, Tool, Workpiece
+from postproc.cell.options import Limits, Process, krl_of, motion_of, optimize_of
 from postproc.cell.robotfile import load_robot
 from postproc.cell.schema import KrlTable, MotionTable, OptimizeTable
 from postproc.geometry.frames import transform

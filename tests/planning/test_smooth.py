@@ -12,7 +12,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from postproc.cell.cell import Limits, Tool
+from postproc.cell.cell import Tool
+from postproc.cell.options import Limits
 from postproc.geometry.frames import rotation_x, transform
 from postproc.model.toolpath import MotionKind
 from postproc.planning.planner import plan

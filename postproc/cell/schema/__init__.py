@@ -8,6 +8,7 @@ from postproc.cell.schema.cellfile import (
     CellFile,
     CutterTable,
     ImportTable,
+    MeasuringTable,
     ToolTable,
     WorkpieceTable,
 )
