@@ -276,13 +276,6 @@ CASES: dict[str, tuple[Any, ...]] = {
     "robot.cable": ({}, {"robot.cable": {"A5": [-40.0, 40.0]}}),
     "robot.payload_kg": ({"tool.mass_kg": 50.0}, {"robot.payload_kg": 20.0}, CHECK),
     **solids("robot.link_meshes", WRIST, {"obstacles": [ABOVE]}, link=6),
-    "robot.link_meshes[].cylinder.radius_mm": (
-        {
-            "robot.link_meshes": [{**ROD, **WRIST_AT, "abc_deg": [0.0, 90.0, 0.0], "link": 6}],
-            "obstacles": [ABOVE],
-        },
-        {"robot.link_meshes.0.cylinder.radius_mm": 1.0},
-    ),
     "robot.link_meshes[].link": (
         {"robot.link_meshes": [{**WRIST, "link": 6}], "obstacles": [ABOVE]},
         {"robot.link_meshes.0.link": 0},
@@ -582,12 +575,39 @@ OF_CAMPAIGNS = {key for key in leaves(CellFile) if key.startswith("measuring.")}
 """What no program depends on."""
 
 
+SOLIDS = ("tool.meshes[].", "workpiece.meshes[].", "robot.link_meshes[].")
+"""Lists of solids beside the obstacles."""
+
+
 def only_one(key):
-    """Return the key of the only tool or base to one of several; others as they are."""
+    """Return the key whose case a key shares: one of several tools, a solid that stands elsewhere.
+
+    That these are read alike is proven below; that each list of solids counts, by its ``xyz_mm``.
+    """
     for several, one in LONG_FORM.items():
         if key.startswith(several) and key not in CASES:
-            return one + key.removeprefix(several)
+            key = one + key.removeprefix(several)
+    for place in SOLIDS:
+        leaf = key.removeprefix(place)
+        if leaf != key and leaf != "xyz_mm" and f"obstacles[].{leaf}" in CASES:
+            return f"obstacles[].{leaf}"
     return key
+
+
+def test_a_solid_is_read_alike_wherever_it_stands(tmp_path):
+    trimesh.creation.box((300.0, 300.0, 300.0)).export(tmp_path / "cube.stl")
+    shapes = (BLOCK, ROD, {"file": "cube.stl"}, {"file": "cube.stl", "scale": 0.01})
+    wrong = []
+    for shape in shapes:
+        solid = {**shape, "name": "it", "xyz_mm": [1.0, 2.0, 3.0], "abc_deg": [10.0, 20.0, 30.0]}
+        lists = {where.removesuffix("[]."): [solid] for where in SOLIDS} | {"obstacles": [solid]}
+        lists["robot.link_meshes"] = [{**solid, "link": 6}]
+        (tmp_path / "cell.toml").write_text(cell_text(lists))
+        cell = load_cell(tmp_path / "cell.toml")
+        ((link, arm),) = cell.robot.link_meshes
+        found = {repr(one) for one in (*cell.solids, arm)}
+        wrong += [] if len(found) == 1 and len(cell.solids) == 3 and link == 6 else [shape]
+    assert wrong == []
 
 
 def test_one_of_several_is_read_as_the_only_one(tmp_path):
