@@ -91,7 +91,7 @@ OFF: dict[str, tuple[Switch, ...]] = {
         (SEARCH + "between", "infeasible", lambda problem, way: np.zeros(len(problem), int)),
     ),
     "beside": ((POSES, "_around", lambda self, states, *a: (states[:0], states[:0])),),
-    "far along": ((SEARCH + "pose_search", "_FARTHEST", 2),),
+    "far along": ((SEARCH + "pose_search", "_ALONG", 1),),
     "taken out": (
         (
             SEARCH + "failing.FailingCuts",

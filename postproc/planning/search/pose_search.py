@@ -29,16 +29,11 @@ from postproc.planning.search.rungs import (
 from postproc.planning.states import Chosen, States, beside_in_grid, entered_anew, merged
 from postproc.records import dataclass
 
-_WIDEST = 8
-"""How many spins and tags around a failing pose are checked, at most."""
-_RIM = 2
-"""How far beyond a colliding neighbour the check spreads."""
-_FARTHEST = 32
-"""How far along the tags it spreads at most, twice as far each time, while few poses collide."""
+_ALONG = 4
+"""So many tags along from a colliding pose are checked, and one spin to each side of it: a round of
+the search costs more than the poses that a narrow rim finds later, a wide rim of free ones too."""
 _FLIP = 4
 """The bit of a branch that turns the wrist over: the arm before it and the tool stand alike."""
-_THIN = 1500
-"""So many colliding poses are few: a call has its price."""
 
 
 @dataclass(slots=True)
@@ -72,7 +67,6 @@ class PoseSearch:
     free: BoolArray
     passed: AnyIntArray
     out: BoolArray
-    failures: IndexArray
     fast_turns: BoolArray
     failing: FailingCuts
     cells: IndexArray | None = None
@@ -103,7 +97,7 @@ class PoseSearch:
         ladder, weight, share = ladder_of(problem, between, tags, states, options)
         fast_turns = np.zeros(len(tags), dtype=np.bool_)
         bridges = bridges_of(problem, between, tags, states, stride, pinned, fast_turns, ladder)
-        n, size = len(tags), len(states.q)
+        size = len(states.q)
         return cls(
             checker,
             between,
@@ -124,7 +118,6 @@ class PoseSearch:
             free=np.zeros(size, dtype=np.bool_),
             passed=np.full(size, NONE, dtype=np.int32),
             out=np.zeros(size, dtype=np.bool_),
-            failures=np.zeros(n, dtype=np.int64),
             fast_turns=fast_turns,
             failing=FailingCuts(between, SHORT if options.stretch is None else 0.0),
         )
@@ -153,7 +146,7 @@ class PoseSearch:
         self.looked_at = {}
         self.stride, self.pinned = by_tag(self.stride, stride), by_tag(self.pinned, pinned)
         self.edges = self.edges.merged(edges, by_tag)
-        self.failures, self.fast_turns = by_tag(self.failures, 0), by_tag(self.fast_turns, False)
+        self.fast_turns = by_tag(self.fast_turns, False)
         self.reason, self.pair = by_state(self.reason, 0), by_state(self.pair, NONE)
         self.seen, self.out = by_state(self.seen, False), by_state(self.out, False)
         self.checked, self.free = by_state(self.checked, False), by_state(self.free, False)
@@ -312,21 +305,17 @@ class PoseSearch:
         turned over), without their strokes, until it has found the whole colliding region and its
         rim: the next best way would mostly run into the next pose of the same region.
         """
-        rows = self.states.tag_of(failing)
-        self.failures[rows] += 1
         found = [failing[self.reason[failing] == Reason.COLLISION]]
-        reach = min(_WIDEST, int(self.failures[rows].max(initial=1)))
-        front, along = failing, reach
+        front = failing
         while len(front):
-            poses, likely = self._around(front, along, reach)
+            poses, likely = self._around(front)
             fresh = ~self.seen[poses]
             poses, likely = poses[fresh], likely[fresh]
             self.seen[poses] = True
             tags, q = self.tags[self.states.tag_of(poses)], self.states.q[poses]
             verdict = self.checker.poses(tags, q.astype(np.float64), likely)
             fails = ~verdict.good
-            front, reach = poses[fails], _RIM
-            along = _RIM if len(front) > _THIN else min(2 * max(along, _RIM), _FARTHEST)
+            front = poses[fails]
             self.reason[front], self.pair[front] = verdict.reason[fails], verdict.pair[fails]
             found.append(front)
         copies = self._copies(np.concatenate(found))
@@ -347,11 +336,11 @@ class PoseSearch:
         self.pair[copies] = self.pair[states[row]]
         return np.asarray(copies)
 
-    def _around(self, states: IndexArray, far: int, reach: int) -> tuple[IndexArray, IndexArray]:
+    def _around(self, states: IndexArray) -> tuple[IndexArray, IndexArray]:
         """Return one state (k,) of every configuration near to states, and by what one collides.
 
-        Those of the same branch and tilt up to ``reach`` spins and tags away, and of the same spin
-        up to ``far`` tags; those of the tilts next to it, and that with the wrist turned over.
+        Those of the same branch and tilt one spin and tag away, and of the same spin some tags
+        away; those of the tilts next to it, and that with the wrist turned over.
         """
         width, n, fine = self.states.spins.shape[-1], len(self.tags), self.checker.problem.fine
         if self.cells is None:
@@ -359,9 +348,9 @@ class PoseSearch:
         own, at = self.states.column[states].astype(np.int64), self.states.tag_of(states)
         branch, pair = self.states.branch[states].astype(np.int64), self.pair[states] + np.int64(1)
         tilt, spin = np.divmod(own, width)
-        row, rung = _within(own * 8 + branch, at, far, n)
+        row, rung = _within(own * 8 + branch, at, _ALONG, n)
         near, by = [self._place(rung, own[row], branch[row])], [pair[row]]
-        along, around = _beside(reach)
+        along, around = np.tile([-1, 0, 1], 2), np.repeat([-1, 1], 3)
         rung = at[:, None] + along
         column = tilt[:, None] * width + (spin[:, None] + fine * around) % width
         inside = (rung >= 0) & (rung < n)
@@ -472,12 +461,6 @@ def _within(line: IndexArray, at: IndexArray, far: int, n: int) -> tuple[IndexAr
     first[1:] = np.where(line[1:] == line[:-1], np.maximum(first[1:], last[:-1] + 1), first[1:])
     row, step = numbered(last - first + 1)
     return order[row], first[row] + step
-
-
-def _beside(reach: int) -> tuple[IndexArray, IndexArray]:
-    """Return by how many tags and spins (k,) poses of other spins lie off within ``reach``."""
-    along, around = (part.ravel() for part in np.mgrid[-reach : reach + 1, -reach : reach + 1])
-    return along[around != 0], around[around != 0]
 
 
 def travel(chosen: Chosen) -> float:
