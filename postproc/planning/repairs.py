@@ -15,8 +15,8 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
+from postproc.ladder import NONE
 from postproc.planning.attempt import Attempt
-from postproc.planning.checks import Checker
 from postproc.planning.route import HOME, has_ways
 from postproc.planning.search import (
     ARM,
@@ -26,7 +26,7 @@ from postproc.planning.search import (
     loss_of,
     main_spins,
 )
-from postproc.planning.states import sample, tilt_grid
+from postproc.planning.states import tilt_grid
 
 
 class Changing(Protocol):
@@ -34,10 +34,6 @@ class Changing(Protocol):
 
     def change(self) -> bool:
         """Change what failed; return whether there is anything left to try."""
-
-
-_LOOKED_AT = 5
-"""Failing tags of which it is looked whether there is a pose at all."""
 
 
 class Level(Enum):
@@ -132,30 +128,20 @@ def _avoid_gap(attempt: Attempt) -> bool:
 
 def _tilt_more(attempt: Attempt) -> bool:
     problem, every = attempt.checker.problem, (*attempt.choice.findings, *attempt.routed.findings)
-    failing = {finding.tag_index for finding in every if finding.is_error}
-    if not failing or len(problem.tilts) == 1:
+    if len(problem.tilts) == 1 or not any(finding.is_error for finding in every):
         return False
     tags, allowed = int(problem.placement.may_tilt.sum()), problem.cell.optimize.tilt
     more = tilt_grid(allowed, len(problem.settings.spins), tags, few=False)
     checker = replace(attempt.checker, problem=replace(problem, tilts=more))
-    known = sorted(tag for tag in failing if tag is not None)
-    if len(more) == len(problem.tilts) or _has_none(checker, known):
+    if len(more) == len(problem.tilts) or _has_lost(attempt):
         return False
     attempt.begin(checker)
     return True
 
 
-def _has_none(checker: Checker, tags: list[int]) -> bool:
-    """Return whether one of a few of tags has no pose that can be run: no way leads there."""
-    spins = checker.problem.finest_spins
-    for tag in tags[:_LOOKED_AT]:
-        states = sample(checker.problem, np.array([tag]), spins)
-        each = np.flatnonzero(np.diff(states.config, prepend=-1))
-        at, branch = np.full(len(each), tag), states.branch[each].astype(np.int64)
-        q = states.q[each].astype(np.float64)
-        if not checker.states(at, q, states.attitude_of(each), branch).good.any():
-            return True
-    return False
+def _has_lost(attempt: Attempt) -> bool:
+    """Return whether a tag has no pose at all, on the finest grid of spins: no way leads there."""
+    return bool((attempt.found.path == NONE).any())
 
 
 def _change(state: Changing) -> bool:

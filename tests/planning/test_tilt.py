@@ -241,7 +241,7 @@ def test_more_tilts_are_tried_before_a_cut_is_refused(
 
     monkeypatch.setattr(Attempt, "_search_by", counted)
     if not has_none:
-        monkeypatch.setattr(repairs, "_has_none", lambda *_: False)
+        monkeypatch.setattr(repairs, "_has_lost", lambda *_: False)
     found = planner.plan(make_path(points, [0.0, 0.0, 1.0]), make_cell(options=ranges))
     assert seen == tried
     assert bool(found.errors) == (shift > 0.0)

@@ -80,7 +80,7 @@ def _second(_: object, value: T, *__: object, **___: object) -> T:
 
 
 OFF: dict[str, tuple[Switch, ...]] = {
-    "has none": (("postproc.planning.repairs", "_has_none", _no),),
+    "has lost": (("postproc.planning.repairs", "_has_lost", _no),),
     "carried": (
         ("postproc.planning.external.planner", "carried_where_better", lambda p, runs, m: runs),
     ),
