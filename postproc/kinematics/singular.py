@@ -36,7 +36,6 @@ def smallest_singular_value(
     kinematics: Kinematics,
     q: ArrayLike,
     p_flange_tcp: ArrayLike = (0.0, 0.0, 0.0),
-    length: float = 1.0,
 ) -> FloatArray:
     """Return the smallest singular value (...,) of the Jacobian.
 
@@ -44,13 +43,11 @@ def smallest_singular_value(
         kinematics: the arm.
         q: (..., 6) joint angles [rad].
         p_flange_tcp: (3,) TCP in the flange [m].
-        length: metres that count as much as one radian; linear rows are divided by it.
 
     Returns:
-        [rad/rad]; 0 at a singularity.
+        [rad/rad], a metre counted as a radian; 0 at a singularity.
     """
     J = kinematics.jacobian(q, p_flange_tcp)
-    J[..., :3, :] /= length
     return np.asarray(np.linalg.svd(J, compute_uv=False)[..., -1])
 
 

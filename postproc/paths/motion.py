@@ -200,7 +200,6 @@ def joint_paths(
     cell: Cell,
     kinematics: Kinematics,
     step_length: float = STEP_LENGTH,
-    step_angle: float = STEP_ANGLE,
 ) -> Paths:
     """Return the joint paths of a trace in a cell.
 
@@ -209,9 +208,8 @@ def joint_paths(
         cell: its bases are the parts, its tools the real ones.
         kinematics: of the cell's robot.
         step_length: longest sampled piece [m].
-        step_angle: largest sampled turn [rad].
     """
-    return _Solver(trace, cell, kinematics, step_length, step_angle).run()
+    return _Solver(trace, cell, kinematics, step_length).run()
 
 
 class _Solver:
@@ -223,14 +221,13 @@ class _Solver:
         cell: Cell,
         kinematics: Kinematics,
         step_length: float,
-        step_angle: float,
     ) -> None:
         self.trace, self.cell, self.kinematics = trace, cell, kinematics
         self.externals = Externals.of(cell)
         self.station = Station.of(trace, cell)
         self.external = self.externals.values(np.asarray(trace.external))
         self.curves = curves_of(trace, kinematics, self.externals, self.external)
-        self.row, self.share = self._samples(step_length, step_angle)
+        self.row, self.share = self._samples(step_length)
         self.q = np.full((len(trace), 6), np.nan)
         self.slot = np.zeros(len(trace), dtype=np.int64)
         self.q_sample = np.full((len(self.row), 6), np.nan)
@@ -268,13 +265,13 @@ class _Solver:
             self.station,
         )
 
-    def _samples(self, step_length: float, step_angle: float) -> tuple[AnyIntArray, FloatArray]:
+    def _samples(self, step_length: float) -> tuple[AnyIntArray, FloatArray]:
         moving = np.flatnonzero(self.trace.is_cp)
         way = np.maximum(
-            self.curves.length[moving] / step_length, self.curves.angle[moving] / step_angle
+            self.curves.length[moving] / step_length, self.curves.angle[moving] / STEP_ANGLE
         )
         way = np.maximum(way, self.curves.sweep[moving] / STEP_SWEEP)
-        way = np.maximum(way, self._external_way(step_length, step_angle)[moving])
+        way = np.maximum(way, self._external_way(step_length)[moving])
         way = np.where(np.isfinite(way), way, 1.0)
         total = float(way.sum())
         if total > MAX_SAMPLES:
@@ -283,9 +280,9 @@ class _Solver:
         which, number = numbered(pieces)
         return moving[which].astype(np.int32), (number + 1.0) / pieces[which]
 
-    def _external_way(self, step_length: float, step_angle: float) -> FloatArray:
+    def _external_way(self, step_length: float) -> FloatArray:
         """Return how many steps (m,) the external axes make in each motion."""
-        step = [step_length if axis.kind == "rail" else step_angle for axis in self.externals.axes]
+        step = [step_length if axis.kind == "rail" else STEP_ANGLE for axis in self.externals.axes]
         way = np.abs(np.diff(self.external, axis=0, prepend=self.external[:1])) / np.array(step)
         return np.asarray(way.max(axis=1, initial=0.0))
 

@@ -107,7 +107,7 @@ class ContinuousFit:
 
 
 def fit_continuous(
-    cases: LoadCases, constant: ConstantFit, hyper: Hyper | None = None, nodes: int = NODES
+    cases: LoadCases, constant: ConstantFit, hyper: Hyper | None = None
 ) -> ContinuousFit:
     """Fit the field.
 
@@ -115,12 +115,11 @@ def fit_continuous(
         cases: load responses.
         constant: constant fit of the same cases: start, prior mean, and which joints are seen.
         hyper: kernel and noise; None: found from the data.
-        nodes: largest number of kernel centres.
     """
     seen = constant.observability.seen
     current = hyper or _start(cases, constant)
     for _ in range(_ROUNDS_SEEN):
-        fit = _fit_seen(cases, constant, seen, current, nodes, search=hyper is None)
+        fit = _fit_seen(cases, constant, seen, current, search=hyper is None)
         current = fit.hyper
         more = constant.seen_with(cases, current.sigma)
         if bool(np.all(more == seen)):
@@ -134,11 +133,10 @@ def _fit_seen(
     constant: ConstantFit,
     seen: BoolArray,
     current: Hyper,
-    nodes: int,
     search: bool,
 ) -> ContinuousFit:
     c0 = constant.centre[seen]
-    centres = cases.q[_spread(cases.q, cases.posture, nodes)]
+    centres = cases.q[_spread(cases.q, cases.posture, NODES)]
     subset = cases.rows(_subset(cases))
     log_ratio = np.zeros((len(subset), int(seen.sum())))
     for _ in range(_ROUNDS if search else 0):
