@@ -131,7 +131,7 @@ def test_the_first_lines_say_it(tmp_path, capsys):
     assert said[-1].startswith("good")
     assert "does not start the spindle" in said[-1]
     for page in pages:
-        lead = page.read_text().split('class="lead">')[1].split("</p>")[0]
+        lead = page.read_text().split('class="lead')[1].split("</p>")[0]
         assert "the program does not start the spindle" in lead
 
 

@@ -98,7 +98,7 @@ def test_a_joint_left_out_names_the_load_that_shows_it(arm, postures):
     result = identify(measured, arm, TCP, IdentifyOptions(method="constant"), K_PAPER)
     assert np.isnan(result.constant.c_joint[0])
     assert abs(result.shown_by[0].direction[1]) > 0.7  # a force along y turns axis 1
-    assert any(text.startswith("A1 cannot be seen") for text in warnings(result))
+    assert any(text.startswith("A1 cannot be measured") for text in warnings(result))
     table = stiffness_tables(result.field, result.constant.c_joint)["joint_compliance"]
     assert {1, 6} <= set(table["unobservable_joints"])
 
