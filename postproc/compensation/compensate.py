@@ -23,13 +23,13 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from postproc.cell import Cell
-from postproc.compensation.pieces import in_pieces
+from postproc.compensation.along import BLOCK, Follower, run_of
+from postproc.compensation.pieces import SAMPLE_STEP, SHORTEST, in_pieces
 from postproc.compensation.real_arm import RealArm, left_out
 from postproc.compensation.reversals import Sides, sides_of
 from postproc.compensation.solve import ACCURACY, LARGEST, Compensated, solve
 from postproc.compensation.starts import comes_down, with_points
-from postproc.emitters import EMITTERS, emitter_of, motions_of
-from postproc.errors import DataError, EmitError, Finding, Severity, SourceRef
+from postproc.errors import DataError, Finding, Severity
 from postproc.gap import RobotModel, stiffness_of
 from postproc.geometry import inverse
 from postproc.kinematics import Kinematics, corner_miss, within_tolerance
@@ -112,6 +112,8 @@ def compensate(plan: Plan, cell: Cell, model: str | ModelFile) -> Plan:
     commanded = _doubted(commanded, arm, rows, told)
     if sides is not None:
         commanded = _crossing(commanded, plan, cell, arm, rows, sides, file)
+    if arm.along:
+        commanded = follower(arm).compensated(commanded, file)
     return replace(
         commanded,
         blend=_blends(commanded, cell.motion.corner_tolerance),
@@ -120,16 +122,26 @@ def compensate(plan: Plan, cell: Cell, model: str | ModelFile) -> Plan:
     )
 
 
+def follower(arm: RealArm) -> Follower:
+    """Return what takes effects along the path off the programs of an arm."""
+    return Follower(arm.cell, arm.kinematics, arm.along)
+
+
 def _in_pieces(plan: Plan, cell: Cell, arm: RealArm) -> Plan:
     """Return the plan with long cuts divided where the arm gives way differently on the way."""
     process = process_of(plan, cell)
+    missed = follower(arm).missed(plan) if arm.along else None
 
-    def displacement(q: FloatArray, move: IntArray) -> FloatArray:
+    def displacement(q: FloatArray, move: IntArray, share: FloatArray) -> FloatArray:
         nothing = np.zeros_like(q)
         tool = plan.tool_of_moves[move]
-        return arm.displacement(Moments(q, nothing, nothing, process[move], tool))
+        loaded = arm.displacement(Moments(q, nothing, nothing, process[move], tool))
+        return loaded if missed is None else loaded + missed(move, share)
 
-    return in_pieces(plan, cell, arm.kinematics, displacement, STRAIGHT)
+    speed = np.asarray(plan.speed)[np.asarray(plan.role) == MoveRole.CUT]
+    fastest = float(np.nanmax(speed, initial=0.0))
+    step = max(SHORTEST, BLOCK * fastest) if arm.along else SAMPLE_STEP
+    return in_pieces(plan, cell, arm.kinematics, displacement, STRAIGHT, step)
 
 
 def _solved(
@@ -208,20 +220,7 @@ def _followed(
     Speeds count where the tool works: on other ways nobody minds how late the arm is. The sides
     are those of the first run: each later shift moves a joint on to the side it is known to be on.
     """
-    with EMITTERS.blame(cell.krl.emitter):
-        paths = emitter_of(cell).paths(plan, cell, arm.kinematics)
-    if paths is None:
-        raise EmitError(
-            "CMP007",
-            f"the emitter {cell.krl.emitter!r} does not know how the joints move between the "
-            "points: effects that follow the motion cannot be compensated",
-            SourceRef(cell.path),
-        )
-    motion = motions_of(plan, paths.trace.is_cp, paths.q)
-    if motion is None:
-        raise EmitError(
-            "CMP004", "the program is not that of the plan", SourceRef(plan.toolpath.path)
-        )
+    paths, motion = run_of(plan, cell, arm.kinematics)
     row = np.concatenate([motion, motion[rows.arc]])
     share = np.repeat([1.0, 0.5], [len(motion), len(rows.arc)])
     qd = Timeline.of(paths, cell).speed(row, share) * rows.working[:, None]

@@ -29,12 +29,18 @@ MOST = 256
 BLEND_SHARE = 0.4
 """Share of a piece that a blend may take at one end."""
 
-DisplacementOf = Callable[[FloatArray, IntArray], FloatArray]
-"""Joint angles (n, 6) on the way of moves (n,) to the displacement (n, 3) [m] of the real tool."""
+DisplacementOf = Callable[[FloatArray, IntArray, FloatArray], FloatArray]
+"""Joint angles (n, 6), moves (n,) and places on them 0..1 (n,) to the displacement (n, 3) [m] of
+the real tool."""
 
 
 def in_pieces(
-    plan: Plan, cell: Cell, kinematics: Kinematics, displacement: DisplacementOf, tolerance: float
+    plan: Plan,
+    cell: Cell,
+    kinematics: Kinematics,
+    displacement: DisplacementOf,
+    tolerance: float,
+    step: float = SAMPLE_STEP,
 ) -> Plan:
     """Return the plan with straight cuts divided where the real tool would leave the line.
 
@@ -44,13 +50,14 @@ def in_pieces(
         kinematics: of its robot.
         displacement: of the real tool under the load of the move.
         tolerance: largest bend [m] of a piece.
+        step: way [m] between samples of a line.
     """
     way = np.zeros(len(plan))
     way[1:] = np.linalg.norm(np.diff(plan.T_base_tcp[:, :3, 3], axis=0), axis=1)
     turn = np.zeros(len(plan))
     R = plan.T_base_tcp[:, :3, :3]
     turn[1:] = rotation_angle(R[:-1], R[1:])
-    steps = np.maximum(way / SAMPLE_STEP, turn / SAMPLE_ANGLE)
+    steps = np.maximum(way / step, turn / SAMPLE_ANGLE)
     is_cut = (np.asarray(plan.kind) == MoveKind.LIN) & (np.asarray(plan.role) == MoveRole.CUT)
     long = np.flatnonzero(is_cut & (steps > 1.0) & (way > SHORTEST))
     if not len(long):
@@ -58,10 +65,13 @@ def in_pieces(
     samples = np.minimum(steps[long], np.maximum(way[long] / SHORTEST, 2.0))
     samples = np.minimum(2 ** np.ceil(np.log2(samples)).astype(np.int64), MOST)
     _, q, reached = _between(plan, cell, kinematics, long, samples)
-    moved = displacement(q, np.repeat(long, samples).astype(np.int32))
+    which, number = numbered(samples)
+    share = (number + 1.0) / samples[which]
+    moved = displacement(q, np.repeat(long, samples).astype(np.int32), share)
     pieces = np.ones(len(plan), dtype=np.int64)
     first = np.cumsum(samples) - samples
-    at_start = displacement(np.asarray(plan.q)[long - 1], long.astype(np.int32))
+    start = np.zeros(len(long))
+    at_start = displacement(np.asarray(plan.q)[long - 1], long.astype(np.int32), start)
     for row, move in enumerate(long.tolist()):
         own = slice(int(first[row]), int(first[row] + samples[row]))
         if reached[own].all():

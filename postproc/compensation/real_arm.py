@@ -15,11 +15,12 @@ import numpy as np
 
 from postproc.arrays import AT_ONCE, ROUNDING, BoolArray, FloatArray
 from postproc.cell import Cell, Tool
+from postproc.compensation.along import driven, split
 from postproc.gap import EFFECTS, RobotModel, effect_of, stiffness_of
 from postproc.geometry import apply
 from postproc.kinematics import Kinematics, build
 from postproc.model import ModelFile
-from postproc.paths import Displacement, Moments
+from postproc.paths import Displacement, Moments, Paths
 from postproc.process import weight_wrench
 from postproc.records import dataclass
 from postproc.units import MM
@@ -148,13 +149,15 @@ def _acting(
 class RealArm:
     """The arm of a cell with its model, as a displacement of the tool for verification.
 
-    ``models``: of the arm with each tool of the cell.
+    ``models``: of the arm with each tool of the cell; ``along``: parameters of effects along the
+    path by name.
     """
 
     cell: Cell
     kinematics: Kinematics
     models: tuple[RobotModel, ...]
     dead: bool
+    along: Mapping[str, FloatArray]
 
     @classmethod
     def of(cls, cell: Cell, file: ModelFile) -> RealArm:
@@ -164,11 +167,12 @@ class RealArm:
             DataError: from the model file.
         """
         kinematics = build(cell.robot)
+        file, along = split(file)
         models = tuple(
             compensation_model(kinematics, cell.with_tool(index), file)
             for index in range(len(cell.tools))
         )
-        return cls(cell, kinematics, models, carries_dead_load(file))
+        return cls(cell, kinematics, models, carries_dead_load(file), along)
 
     @property
     def model(self) -> RobotModel:
@@ -185,8 +189,18 @@ class RealArm:
         """What the model says of programs that are run."""
         states = self.model.states.items()
         ways = [effect_of(name).lost_motion(np.nan_to_num(state.theta)) for name, state in states]
-        left = LEFT_OF_MOTION if self.follows_motion else 0.0
-        return Displacement(self.displacement, np.max([np.zeros(6), *ways], axis=0), left)
+        left = LEFT_OF_MOTION if self.follows_motion or self.along else 0.0
+        lost = np.max([np.zeros(6), *ways], axis=0)
+        return Displacement(self.displacement, lost, left, self._missed if self.along else None)
+
+    def _missed(self, paths: Paths) -> FloatArray:
+        """Return how far the tool passes ends and samples (m + s, 3) of a run."""
+        drive = driven(paths, self.cell, self.kinematics, self.along)
+        place = np.concatenate([np.arange(1.0, len(paths) + 1.0), paths.row + paths.share])
+        order = np.argsort(place, kind="stable")
+        found = np.empty((len(place), 3))
+        found[order] = drive.missed(place[order])
+        return found
 
     def wrench(self, q: FloatArray, process: FloatArray, tool: int = 0) -> FloatArray:
         """Return the wrench (n, 6) of a tool and process at joint angles (n, 6), robroot."""

@@ -44,7 +44,7 @@ from postproc.jobs.trade import Outcome, lost_percent, outcomes
 from postproc.jobs.unit_doubts import check_units
 from postproc.kinematics import build
 from postproc.krl import legal_name
-from postproc.model import ModelFile, Plan, ToolPath, load_model
+from postproc.model import AlongPath, ModelFile, Plan, ToolPath, load_model
 from postproc.planning import (
     PlanOptions,
     grade_counts,
@@ -426,9 +426,14 @@ def _against(plan: Plan, cell: Cell, model: ModelFile | None) -> Against:
     toolpath = None if plan.errors else plan.toolpath
     if model is None:
         return Against(toolpath)
-    from postproc.compensation import RealArm
+    from postproc.compensation import RealArm, as_planned
 
-    return Against(toolpath, None if plan.compensation is None else RealArm.of(cell, model).on_runs)
+    if plan.compensation is None:
+        return Against(toolpath)
+    real = RealArm.of(cell, model).on_runs
+    if plan.shift_along is not None:
+        real = replace(real, along=as_planned(plan))
+    return Against(toolpath, real)
 
 
 def failures(conversion: Conversion) -> list[dict[str, Any]]:
@@ -555,7 +560,26 @@ def _compensation(conversion: Conversion) -> dict[str, Any] | None:
         "max_shift_mm": round(largest / MM, 6),
         **({} if expected is None else expected.to_dict()),
         **_doubt(conversion.plan),
+        **_along(conversion.plan.along_path),
     }
+
+
+def _along(told: AlongPath | None) -> dict[str, Any]:
+    """Return how far the tool is expected off the path of the cuts, where a trace has told."""
+    if told is None:
+        return {}
+    own = {f"{n}_mm": getattr(told, n) for n in ("plain_rms", "plain_max", "rms", "max")}
+    rest = (told.rest_rms, told.rest_low, told.rest_high)
+    expected, low, high = (float(np.hypot(told.rms, r)) for r in rest)
+    plain = float(np.hypot(told.plain_rms, told.rest_rms))
+    own |= {"expected_rms_mm": expected, "expected_plain_rms_mm": plain}
+    # the check of the text looks past what is left along the path
+    off = {"max": told.max, "rms": expected}
+    points = {f"expected_{n}_position_error_mm": round(v / MM, 6) for n, v in off.items()}
+    rows = {name: round(value / MM, 6) for name, value in own.items()}
+    ends = [round(v / MM, 6) if np.isfinite(v) else None for v in (low, high)]
+    path = {"effects": list(told.effects), **rows, "expected_rms_ci_mm": ends}
+    return {**points, "along_path": path}
 
 
 def _doubt(plan: Plan) -> dict[str, Any]:

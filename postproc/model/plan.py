@@ -56,6 +56,27 @@ class MoveRole(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
+class AlongPath:
+    """How far the real tool is expected off the path of the cuts, of what a trace has shown.
+
+    Args:
+        effects: names that were taken off.
+        plain_rms, plain_max: [m] by them without compensation; rms, max: with it.
+        rest_rms: [m] off the path what no effect explains; rest_low, rest_high: its interval, NaN
+            where nobody knows.
+    """
+
+    effects: tuple[str, ...]
+    plain_rms: float
+    plain_max: float
+    rms: float
+    max: float
+    rest_rms: float
+    rest_low: float
+    rest_high: float
+
+
+@dataclass(frozen=True, slots=True)
 class Plan:
     """Moves in columns of length m; the tags they serve are those of ``toolpath``.
 
@@ -90,6 +111,8 @@ class Plan:
         compensation: (m, 3) shift applied to the commanded position [m], workpiece frame, or None.
         compensation_u95: (m,) radius [m] that holds the real point with 95 %;
             compensation_inside: (m,) 1 where the model's campaign reached; None: nobody knows.
+        shift_along: (m, 3) share of it for effects along the path [m], robroot, or None.
+        along_path: what effects along the path do to the cuts; None: nobody knows.
         findings: findings; any error among them forbids a program.
         settings: options as used, for the record; timing: seconds per stage.
     """
@@ -122,11 +145,13 @@ class Plan:
     base: IntArray | None = field(default=None, metadata=column("move", dtype=np.int32))
     orientation_speed: FloatArray | None = field(default=None, metadata=column("move"))
     compensation: FloatArray | None = field(default=None, metadata=column("move", 3))
+    shift_along: FloatArray | None = field(default=None, metadata=column("move", 3))
     compensation_u95: FloatArray | None = field(default=None, metadata=column("move"))
     compensation_inside: IntArray | None = field(
         default=None, metadata=column("move", dtype=np.int32)
     )
     compensation_note: str = ""
+    along_path: AlongPath | None = None
     findings: tuple[Finding, ...] = ()
     settings: Mapping[str, object] = field(default_factory=dict)
 

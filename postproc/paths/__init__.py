@@ -6,6 +6,7 @@ from postproc.paths.motion import STEP_ANGLE, Paths, Shift, Station, joint_paths
 from postproc.paths.times import (
     SLOWEST,
     at_speed,
+    bends_of,
     chains,
     cycle_time,
     durations,

@@ -71,11 +71,14 @@ class Displacement:
         of: moments to the real tool point minus the nominal one (n, 3) [m], axes of robroot.
         lost: (6,) how far [rad] each joint turns back before it has left one side for the other.
         left: how far [m] what follows the motion may leave the tool beside a point that it is at.
+        along: a run to what else moves the tool where it works, at the ends of motions and at
+            samples of paths (m + s, 3) [m], axes of robroot; None: nothing does.
     """
 
     of: Callable[[Moments], FloatArray]
     lost: FloatArray
     left: float = 0.0
+    along: Callable[[Paths], FloatArray] | None = None
 
 
 def moments_of(paths: Paths, cell: Cell, lost: FloatArray | None = None) -> tuple[Moments, Moments]:

@@ -91,7 +91,7 @@ def durations(paths: Paths, cell: Cell) -> FloatArray:
         np.nan_to_num(turning[cp]),
         trace.column("acceleration")[cp],
         _joints_along(paths, cell, cp),
-        _bends(paths, cp),
+        bends_of(paths, cp),
     )
     joint = np.flatnonzero(~trace.is_cp)
     joint = joint[joint > 0]
@@ -195,8 +195,8 @@ def _joints_along(paths: Paths, cell: Cell, cp: AnyIntArray) -> JointPath | None
     return joint_path(cell.robot, row, paths.share[mine], q, start, blend, torques)
 
 
-def _bends(paths: Paths, cp: AnyIntArray) -> Bends:
-    """Return where path motions (m,) turn; splines between points as their chords do."""
+def bends_of(paths: Paths, cp: AnyIntArray) -> Bends:
+    """Return where path motions ``cp`` (m,) turn; splines between points as their chords do."""
     curves = paths.curves
     start, end = curves.T_start[:, :3, 3], curves.T_end[:, :3, 3]
     begin = np.nan_to_num(end - start)

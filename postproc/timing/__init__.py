@@ -6,6 +6,7 @@ from postproc.timing.profile import (
     SPEED_UP_TIME,
     Bends,
     axis_speed_cap,
+    chain_profile,
     joint_move_time,
     path_times,
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +15,15 @@ from postproc.model import ModelFile
 from postproc.progress import Clock, Progress
 from postproc.records import dataclass
 from postproc.trace.contour import contour_error
-from postproc.trace.effect import JOINTS, LINK, PATH_EFFECTS, PROGRAM, TOOL, WHOLE
+from postproc.trace.effect import (
+    JOINTS,
+    LINK,
+    PATH_EFFECTS,
+    PROGRAM,
+    TOOL,
+    WHOLE,
+    known_effects,
+)
 from postproc.trace.evidence import PROBABLE, STRETCHES, WHOLE_RUNS, Verdict, judged, withheld
 from postproc.trace.fit import values_of
 from postproc.trace.planner import Planned, feed, less_known, rounding
@@ -22,6 +31,7 @@ from postproc.trace.program import Programmed, matched
 from postproc.trace.recording import Recording
 from postproc.trace.scene import Scene, Stage, carried
 from postproc.trace.signals import MEANS, means, octaves, white_sigma
+from postproc.units import MM
 
 NOISE_LIKE = 0.5
 """Rest with a memory, against the noise of one row, below which it counts as noise."""
@@ -99,7 +109,7 @@ class PathDiagnosis:
                 " z_mm",
                 SourceRef(recording.path),
             )
-        self.known = _known(model)
+        self.known = {} if model is None else known_effects(model)
         self.match = None if program is None else matched(self.scene, program)
         self.known_of_planner: tuple[str, ...] = ()
         if self.match is not None and model is not None:
@@ -259,6 +269,19 @@ class PathDiagnosis:
         runs = len(np.unique(self.recording.run))
         return "runs not fitted" if runs >= WHOLE_RUNS else "stretches not fitted"
 
+    @property
+    def left_off_path(self) -> dict[str, Any]:
+        """What the adopted effects leave off the path, as a table: with its interval."""
+        off = contour_error(self.scene, self.scene.points + self.rest)[:, None]
+        off = off * self.judged[:, None]
+        block = np.arange(len(off)) * STRETCHES // len(off)
+        share = _proof("", "", np.ones_like(off) * self.judged[:, None], off, block)
+        noise = 2.0 * self.sigma**2
+        ends = [1.0 - end for end in share.interval[::-1]]
+        levels = [float(np.sqrt(max(0.0, v**2 - noise))) for v in (share.after, *ends)]
+        rms, low, high = (float(np.round(v / MM, 6)) for v in levels)
+        return {"contour_rms_mm": rms, "contour_rms_ci_mm": [low, high]}
+
     @cached_property
     def contour(self) -> FloatArray:
         """(n,) [m] distance of the tool point from the commanded path."""
@@ -287,17 +310,6 @@ def _filled(stage: Stage, verdict: Verdict) -> FloatArray:
 
 def _weight(proof: Proof) -> float:
     return float(proof.before**2 - proof.after**2)
-
-
-def _known(model: ModelFile | None) -> dict[str, FloatArray]:
-    """Return the parameters of the effects that a model file has for paths."""
-    known: dict[str, FloatArray] = {}
-    for name, table in (model.effects if model is not None else {}).items():
-        if model is not None and name in PATH_EFFECTS:
-            theta = PATH_EFFECTS.get(name).read(model, table)
-            if theta is not None:
-                known[name] = theta
-    return known
 
 
 def _blocks(stage: Stage) -> AnyIntArray:

@@ -20,6 +20,8 @@ from postproc.units import MM
 
 SCHEMA = "postproc.pathdiagnosis/1"
 WORST_LINES = 50
+REST = "path_rest"
+"""Table of a model file for what the named effects leave off the path."""
 PLANNER = {
     "corner_rounding": (
         "the planner cuts corners",
@@ -239,6 +241,8 @@ def model_file(found: PathDiagnosis, given: ModelFile | None) -> ModelFile:
             keys = row["parameters"] if name in PLANNER else PATH_EFFECTS.get(name).keys
             table = {k: v for k, v in row["parameters"].items() if k in keys}
             effects[row["name"]] = {k: _without_none(v) for k, v in table.items()}
+    if found.adopted:
+        effects[REST] = found.left_off_path
     registration = given.registration if given is not None else None
     notes = given.notes if given is not None else ()
     weight = given.has_tool_weight if given is not None else False

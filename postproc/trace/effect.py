@@ -95,6 +95,17 @@ def register(kind: type[PathEffect]) -> type[PathEffect]:
     return kind
 
 
+def known_effects(model: ModelFile) -> dict[str, FloatArray]:
+    """Return the parameters of the effects that a model file has for paths."""
+    known: dict[str, FloatArray] = {}
+    for name, table in model.effects.items():
+        if name in PATH_EFFECTS:
+            theta = PATH_EFFECTS.get(name).read(model, table)
+            if theta is not None:
+                known[name] = theta
+    return known
+
+
 def moving(stage: Stage, least: float) -> BoolArray:
     """Return which joints (6,) are faster than ``least`` [rad/s] in a hundredth of the rows."""
     return np.asarray(np.quantile(np.abs(stage.scene.speed), 0.99, axis=0) > least)

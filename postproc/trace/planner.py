@@ -177,7 +177,8 @@ def feed(scene: Scene, match: Match) -> Planned | None:
     window = max(2, int(0.04 / max(scene.recording.cycle, 1e-6)))
     for part in scene.stretches:
         motion, v = match.motion[part], speed[part]
-        steady = _level(v, window)
+        # an arm that stands is at one speed too, of which no line tells anything
+        steady = _level(v, window) & scene.phases.moves[part]
         for number in np.unique(motion[motion >= 0]):
             if not program.feed[number] > 0.0:
                 continue

@@ -237,7 +237,7 @@ def test_pieces_keep_events_speeds_and_ends(tmp_path, bench):
     plan = convert(ConvertRequest(str(source), str(bench), accept_words="SPINDL")).plan
     kin = build(cell.robot)
 
-    def bow(q, _move):  # gives way by 1 mm at x = 0, less on both sides
+    def bow(q, _move, _share):  # gives way by 1 mm at x = 0, less on both sides
         x = (kin.fk(q) @ cell.tool.T_flange_tcp)[:, 0, 3] - 1.7
         return np.column_stack([np.zeros((len(q), 2)), 1e-3 * np.exp(-((x / 0.3) ** 2))])
 
@@ -260,7 +260,7 @@ def test_pieces_keep_events_speeds_and_ends(tmp_path, bench):
         assert event is same
         np.testing.assert_array_equal(done.T_base_tcp[after - 1], plan.T_base_tcp[before - 1])
         assert done.tag[after : after + 1].tolist() == plan.tag[before : before + 1].tolist()
-    assert in_pieces(plan, cell, kin, lambda q, _: np.zeros((len(q), 3)), 5e-6) is plan
+    assert in_pieces(plan, cell, kin, lambda q, *_: np.zeros((len(q), 3)), 5e-6) is plan
 
 
 # ------------------------------------------------------------------------------ planning, stiffness

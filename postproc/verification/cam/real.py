@@ -75,15 +75,17 @@ def real_paths(
     idle = _in_part(paths, displacement.of(ends.idle()), displacement.of(samples.idle()))
     nothing = np.zeros(len(paths), dtype=np.bool_)
     sets = [_moved(paths, idle, idle, nothing)]
+    more = None if displacement.along is None else displacement.along(paths)
     feed = feeds_of(toolpath, cell)
     speed = paths.trace.column("speed")
     for number, wrench in enumerate(wrenches, 1):
         known = feed[(case == number) & np.isfinite(feed)]
         works = paths.trace.is_cp & (speed <= FASTER * float(known.max(initial=0.0)))
         works |= paths.stands & np.r_[False, works[:-1]]
-        loaded = _in_part(
-            paths, displacement.of(ends.under(wrench)), displacement.of(samples.under(wrench))
-        )
+        at_ends, inner = (displacement.of(part.under(wrench)) for part in (ends, samples))
+        if more is not None:
+            at_ends, inner = at_ends + more[: len(paths)], inner + more[len(paths) :]
+        loaded = _in_part(paths, at_ends, inner)
         sets.append(_moved(paths, idle, loaded, works))
     return RealPaths(tuple(sets), case, paths)
 

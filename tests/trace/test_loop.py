@@ -1,0 +1,64 @@
+"""What a trace has shown is taken off a program: the tool is nearer the path, as was foretold."""
+
+import json
+
+import numpy as np
+import pytest
+
+from postproc.cli import app
+from tests.places import FIXTURES
+
+CELL = FIXTURES / "drift_campaign" / "cell.toml"
+LAG = "[effects.servo_lag]\ndelay_ms = [4.0, 22.0, 9.0, 5.0, 12.0, 8.0]\n"
+PLAY = (
+    "[effects.reversal_error]\nhalf_gap_deg = [0.015, 0.012, 0.0, 0.0, 0.0, 0.0]\n"
+    'spike_deg = [0.02, 0.0, 0.0, 0.0, 0.0, 0.0]\nspike_course = "decay"\nspike_s = 0.06\n'
+)
+LATE = "[effects.controller_delay]\ndelay_ms = 20.0\n"
+REST = "[effects.path_rest]\ncontour_rms_mm = 0.01\ncontour_rms_ci_mm = [0.008, 0.013]\n"
+
+
+def contour():
+    """A corner, a long straight and a half circle: joints turn round on it."""
+    angle = np.linspace(0.0, np.pi, 25)
+    arc = np.stack([60.0 + 25.0 * np.sin(angle), 45.0 - 25.0 * np.cos(angle)], axis=1)
+    at = [[0.0, 0.0], [60.0, 0.0], *arc.tolist(), [0.0, 70.0]]
+    words = [f"GOTO/{x:.4f},{y:.4f},0" for x, y in at]
+    head = ["PARTNO/LOOP", "UNITS/MM", "LOADTL/1", "RAPID", "GOTO/0,0,50,0,0,1"]
+    return "\n".join([*head, "FEDRAT/4000,MMPM", *words, "RAPID", "GOTO/0,70,50", "FINI"]) + "\n"
+
+
+@pytest.fixture(scope="module")
+def told(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("loop")
+    source = folder / "loop.apt"
+    source.write_text(contour())
+    found = {}
+    for name, tables in (("both", LAG + PLAY + REST), ("late", LATE)):
+        model = folder / f"{name}.toml"
+        model.write_text('schema = "postproc.model/1"\n' + tables)
+        call = ["convert", str(source), "--cell", str(CELL), "--model", str(model), "--quiet"]
+        found[name] = (folder / name, [*call, "--json", "-o", str(folder / name)])
+    return found
+
+
+def converted(told, name, capsys):
+    folder, call = told[name]
+    assert app.run(call) == 0
+    answer = json.loads(capsys.readouterr().out)
+    return answer["compensation"]["along_path"], (folder / "LOOP.src", folder)
+
+
+def test_lag_and_play_are_taken_off(told, capsys):
+    path, _ = converted(told, "both", capsys)
+    assert path["effects"] == ["reversal_error", "servo_lag"]
+    assert path["plain_rms_mm"] > 0.1
+    assert path["rms_mm"] < path["plain_rms_mm"] / 3.0
+    low, high = path["expected_rms_ci_mm"]
+    assert low <= path["expected_rms_mm"] <= high
+
+
+def test_a_delay_of_all_joints_costs_the_part_nothing(told, capsys):
+    path, _ = converted(told, "late", capsys)
+    assert path["plain_rms_mm"] < 0.005
+    assert path["rms_mm"] == path["plain_rms_mm"]
