@@ -27,6 +27,7 @@ FEWEST, JOINT_STEPS = 4, 40
 HOME = np.deg2rad([0.0, -90.0, 90.0, 0.0, 0.0, 0.0])
 _FIELD = re.compile(r"\b(A[1-6]|[XYZABC])\s+(-?[\d.]+(?:E[-+]?\d+)?)")
 _LINE = re.compile(r"; CAM line (\d+)")
+_NEAR = re.compile(r"^\$APO\.CDIS\s*=\s*([\d.]+)", re.IGNORECASE)
 _SPEED = re.compile(r"^\$VEL\.CP\s*=\s*([\d.]+)", re.IGNORECASE)
 
 
@@ -34,7 +35,8 @@ _SPEED = re.compile(r"^\$VEL\.CP\s*=\s*([\d.]+)", re.IGNORECASE)
 class Command:
     """One motion: ``kind`` PTP, LIN or CIRC; (6,) joints [rad], or poses (4, 4) of the tool.
 
-    ``line`` of the CAM file, -1 where none is named; ``speed`` [m/s] set for path motions.
+    ``line`` of the CAM file, -1 where none is named; ``speed`` [m/s] set for path motions;
+    ``blend`` [m] from which on the next motion is approached, 0: exact.
     """
 
     kind: str
@@ -43,6 +45,7 @@ class Command:
     joints: Array | None = None
     pose: Array | None = None
     way: Array | None = None
+    blend: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -69,7 +72,7 @@ def read_krl(path: Path) -> tuple[Command, ...]:
         ValueError: for a motion that is not PTP by axes, LIN or CIRC by frames.
     """
     found: list[Command] = []
-    speed = float("nan")
+    speed, near = float("nan"), 0.0
     for text in path.read_text(encoding="ascii").splitlines():
         statement, _, remark = text.strip().partition(";")
         named = _LINE.search(";" + remark)
@@ -77,15 +80,21 @@ def read_krl(path: Path) -> tuple[Command, ...]:
         told = _SPEED.match(statement)
         if told:
             speed = float(told[1])
+        told = _NEAR.match(statement)
+        if told:
+            near = 1e-3 * float(told[1])
+        blend = near if "C_DIS" in statement.upper().split() else 0.0
         word = statement.split(" ", 1)[0].upper()
         parts = [dict(_FIELD.findall(part)) for part in re.findall(r"\{([^}]*)\}", statement)]
         if word == "PTP" and len(parts) == 1 and len(parts[0]) >= 6 and "A6" in parts[0]:
             joints = np.deg2rad([float(parts[0][f"A{k}"]) for k in range(1, 7)])
             found.append(Command("PTP", line, speed, joints=joints))
         elif word == "LIN" and len(parts) == 1:
-            found.append(Command("LIN", line, speed, pose=_pose(parts[0])))
+            found.append(Command("LIN", line, speed, pose=_pose(parts[0]), blend=blend))
         elif word == "CIRC" and len(parts) == 2:
-            found.append(Command("CIRC", line, speed, pose=_pose(parts[1]), way=_pose(parts[0])))
+            found.append(
+                Command("CIRC", line, speed, pose=_pose(parts[1]), way=_pose(parts[0]), blend=blend)
+            )
         elif re.match(r"(S?PTP|S?LIN|S?CIRC|SPLINE)(_REL)?$", word):
             raise ValueError(f"{path.name}: not understood: {text}")
     return tuple(found)

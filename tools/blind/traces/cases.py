@@ -74,8 +74,8 @@ def write_case(folder: Path, seed: int, kind: str | None = None) -> dict[str, An
         if outside is not None:
             outside(m, same)
         truth = m.truth
-        rows.append(_recorded(m, robot, recorder, rng, run + 1, tracked))
-    _write(folder / "log.csv", np.concatenate(rows), tracked)
+        rows.append(recorded(m, robot, recorder, rng, run + 1, tracked))
+    write_log(folder / "log.csv", np.concatenate(rows), tracked)
     factor = float(rng.uniform(0.6, 0.97)) if rng.random() < 0.25 else 1.0
     (folder / "program.src").write_text(program_text(way, robot, start, factor), encoding="utf-8")
     told = {"seed": seed, "kind": kind, "effects": truth, "tracked": tracked, "runs": runs}
@@ -104,7 +104,7 @@ def _way(rng: np.random.Generator, start: Array) -> Way:
     return Way(np.array(corners), cdis, form, rng.uniform(0.03, 0.2), rng.uniform(0.8, 3.0))
 
 
-def _recorded(
+def recorded(
     m: Motion, robot: RobotClass, r: Recorder, rng: np.random.Generator, run: int, tracked: bool
 ) -> Array:
     """Return the rows of one run: time, command, actual, point, run."""
@@ -134,7 +134,8 @@ def _recorded(
     return table[rng.random(len(table)) >= r.lost]
 
 
-def _write(path: Path, table: Array, tracked: bool) -> None:
+def write_log(path: Path, table: Array, tracked: bool) -> None:
+    """Write rows of ``recorded`` as CSV."""
     names = ["time_s", *(f"q{k}_cmd_deg" for k in range(1, 7))]
     names += [f"q{k}_act_deg" for k in range(1, 7)]
     names += ["x_mm", "y_mm", "z_mm"] if tracked else []

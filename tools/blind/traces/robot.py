@@ -52,13 +52,21 @@ def jacobian(arm: Dimensions, tool: Array, q: Array) -> Array:
 
 def ik(arm: Dimensions, tool: Array, start: Array, points: Array) -> Array:
     """Return joint angles (n, 6) at points (n, 3) in the orientation of ``start`` (6,)."""
+    return follow(arm, tool, start, fk(arm, tool, start[None])[1][0], points)
+
+
+def follow(arm: Dimensions, tool: Array, start: Array, R: Array, points: Array) -> Array:
+    """Return joint angles (n, 6) at points (n, 3) and orientation, from near ``start``.
+
+    ``R``: (3, 3), or (n, 3, 3).
+    """
+    R = np.broadcast_to(R, (len(points), 3, 3))
     every = max(1, len(points) // 400)
     knots = np.unique(np.append(np.arange(0, len(points), every), len(points) - 1))
-    R = fk(arm, tool, start[None])[1][0]
     q = np.empty((len(points), 6))
     now = start.copy()
     for at in knots:
-        now = _newton(arm, tool, now[None], R, points[at][None])[0]
+        now = _newton(arm, tool, now[None], R[at], points[at][None])[0]
         q[at] = now
     for k in range(6):
         q[:, k] = np.interp(np.arange(len(points)), knots, q[knots, k])
@@ -84,45 +92,56 @@ class Path:
     """A polyline with rounded corners.
 
     Args:
-        corners: (k, 3) [m]; cdis: where a corner is left [m], 0: exact stop; form of the corner;
-        feed [m/s]; acceleration [m/s^2].
+        corners: (k, 3) [m]; cdis: where a corner is left [m], 0: exact stop, one or (k,);
+        form of the corner; feed [m/s], one or (k,) of the leg to each; acceleration [m/s^2].
     """
 
     corners: Array
-    cdis: float
+    cdis: float | Array
     form: str
-    feed: float
+    feed: float | Array
     acceleration: float
     points: Array = field(default_factory=lambda: np.zeros((0, 3)))
     limit: Array = field(default_factory=lambda: np.zeros(0))
+    place: Array = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
-        """Lay out the way in steps of 0.1 mm, with the speed that each step allows."""
-        pieces, limits = [], []
+        """Lay out the way in steps of 0.1 mm, with the speed that each step allows.
+
+        ``place``: number of the corner behind, and the share of the leg, once it is timed.
+        """
+        pieces, limits, places, begun = [], [], [], 0.0
+        cdis, feed = (np.broadcast_to(v, len(self.corners)) for v in (self.cdis, self.feed))
         at = self.corners[0]
         for k in range(1, len(self.corners)):
             corner = self.corners[k]
             last = k == len(self.corners) - 1
             d = 0.0
-            if not last and self.cdis > 0.0:
+            if not last and cdis[k] > 0.0:
                 legs = [np.linalg.norm(self.corners[k + j] - corner) for j in (-1, 1)]
-                d = min(self.cdis, 0.5 * min(legs))
+                d = min(cdis[k], 0.5 * min(legs))
             u = (corner - self.corners[k - 1]) / np.linalg.norm(corner - self.corners[k - 1])
             enter = corner - d * u
+            share = d / np.linalg.norm(corner - self.corners[k - 1])
             line = _between(at, enter)
             pieces.append(line)
-            limits.append(np.full(len(line), self.feed))
+            limits.append(np.full(len(line), feed[k]))
+            places.append(np.linspace(k - 1 + begun, k - share, len(line) + 1)[1:])
+            begun = 0.0
             at = enter
             if d > 0.0:
                 w = (self.corners[k + 1] - corner) / np.linalg.norm(self.corners[k + 1] - corner)
                 bend, radius = _bend(corner, u, w, d, self.form)
                 pieces.append(bend)
-                slow = min(self.feed, np.sqrt(self.acceleration * radius))
+                slow = min(feed[k], np.sqrt(self.acceleration * radius))
                 limits.append(np.full(len(bend), slow))
+                begun = d / np.linalg.norm(self.corners[k + 1] - corner)
+                places.append(np.linspace(k - share, k + begun, len(bend) + 1)[1:])
                 at = corner + d * w
             else:
                 limits[-1][-1] = 0.0
         self.points, self.limit = np.concatenate(pieces), np.concatenate(limits)
+        self.place = np.concatenate(places)
 
     def timed(self) -> tuple[Array, Array]:
         """Return times (n,) at fine steps and points (n, 3), the jerk taken out of the ramps."""
@@ -142,6 +161,7 @@ class Path:
         box = np.ones(40) / 40
         s = np.convolve(np.pad(s, (20, 19), "edge"), box, "valid")
         points = np.stack([np.interp(s, way, self.points[:, k]) for k in range(3)], axis=1)
+        self.place = np.interp(s, way, self.place)
         return time + AHEAD, points
 
 
@@ -154,15 +174,15 @@ def _bend(corner: Array, u: Array, w: Array, d: float, form: str) -> tuple[Array
     """Return points of a rounded corner and its smallest radius."""
     a, b = corner - d * u, corner + d * w
     count = max(8, int(2.0 * d / 1e-4))
-    half = 0.5 * np.arccos(np.clip(u @ w, -1, 1))
+    half = max(0.5 * float(np.arccos(np.clip(u @ w, -1, 1))), 1e-6)
     if form == "parabola":
         t = np.linspace(0.0, 1.0, count)[1:, None]
         radius = d * np.cos(half) ** 2 / np.sin(half)
         return (1 - t) ** 2 * a + 2 * t * (1 - t) * corner + t**2 * b, float(max(radius, 1e-5))
     radius = d / np.tan(half)
-    inward = (w - u) / np.linalg.norm(w - u)
+    inward = (w - u) / max(np.linalg.norm(w - u), 1e-12)
     centre = corner + inward * radius / np.cos(half)
     angle = np.linspace(-half, half, count)[1:, None]
-    out = (corner - centre) / np.linalg.norm(corner - centre)
+    out = -inward
     along = (u + w) / np.linalg.norm(u + w)
     return centre + radius * (np.cos(angle) * out + np.sin(angle) * along), float(radius)
