@@ -568,7 +568,8 @@ def _along(told: AlongPath | None) -> dict[str, Any]:
     """Return how far the tool is expected off the path of the cuts, where a trace has told."""
     if told is None:
         return {}
-    own = {f"{n}_mm": getattr(told, n) for n in ("plain_rms", "plain_max", "rms", "max")}
+    own = {"plain_rms_mm": told.plain_rms, "plain_max_mm": told.plain_max}
+    own |= {"rms_mm": told.rms, "max_mm": told.max}
     rest = (told.rest_rms, told.rest_low, told.rest_high)
     expected, low, high = (float(np.hypot(told.rms, r)) for r in rest)
     plain = float(np.hypot(told.plain_rms, told.rest_rms))
