@@ -23,10 +23,16 @@ from postproc.model import AlongPath, ModelFile, MoveRole, Plan
 from postproc.paths import Paths, bends_of, chains, durations
 from postproc.records import dataclass
 from postproc.timing import RAMP, chain_profile
-from postproc.trace import PATH_EFFECTS, PLANNER, REST, known_effects
-from postproc.trace.effect import JOINTS
-from postproc.trace.recording import Recording
-from postproc.trace.scene import Scene, Stage
+from postproc.trace import (
+    JOINTS,
+    PATH_EFFECTS,
+    PLANNER,
+    REST,
+    Recording,
+    Scene,
+    Stage,
+    known_effects,
+)
 from postproc.units import DEG, MM, UM
 
 CYCLE = 0.004

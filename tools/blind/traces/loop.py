@@ -131,7 +131,7 @@ def run(seed: int, folder: Path) -> dict[str, Any]:
 
 def driven(job: Job, path: Path) -> Motion:
     """Return how the hidden robot drives the longest chain of path motions of a program."""
-    commands = read_krl(path)
+    commands = _commands(job, path)
     chain = max(_chains(commands), key=lambda c: c[1] - c[0])
     moves = commands[chain[0] : chain[1]]
     start = commands[chain[0] - 1].joints
@@ -152,6 +152,20 @@ def driven(job: Job, path: Path) -> Motion:
     for name in job.causes:
         EFFECTS[name](motion, np.random.default_rng([job.state, list(EFFECTS).index(name)]))
     return motion
+
+
+def _commands(job: Job, path: Path) -> tuple[Command, ...]:
+    """Return the motions of a program and its sub-programs, which begin where the last one ends."""
+    parts = sorted(p for p in path.parent.glob("*.src") if p.stem.startswith(f"{path.stem}_"))
+    found: list[Command] = []
+    for command in [c for p in [path, *parts] for c in read_krl(p)]:
+        last = found[-1].pose if found else None
+        if command.joints is not None and last is not None:
+            at = fk(job.robot.arm, job.robot.tool, command.joints[None])[0][0]
+            if np.linalg.norm(at - last[:3, 3] - BASE) < 1e-4:
+                continue
+        found.append(command)
+    return tuple(found)
 
 
 def _chains(commands: tuple[Command, ...]) -> list[tuple[int, int]]:
