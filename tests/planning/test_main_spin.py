@@ -14,8 +14,9 @@ from postproc.planning.job import checker_of
 from postproc.planning.planner import plan
 from postproc.planning.search.keytags import dense_key_tags
 from postproc.planning.search.pose_search import PoseSearch
+from postproc.planning.search.prices import ROLL_PRICE
 from postproc.planning.search.roll import main_spins
-from postproc.planning.search.rungs import ROLL_PRICE, STEADY_BAND, SearchOptions
+from postproc.planning.search.rungs import STEADY_BAND, SearchOptions
 from postproc.planning.states import PlanOptions, settle
 from postproc.units import DEG, MM
 from tools.bench.contours import contour, random_case

@@ -19,12 +19,12 @@ from postproc.planning.search.loss import (
     loss_report,
 )
 from postproc.planning.search.pose_search import PoseSearch, travel
+from postproc.planning.search.prices import TIE_TRAVEL
 from postproc.planning.search.refinement import Refinement
 from postproc.planning.search.roll import main_spins, without_roll
 from postproc.planning.search.round_spins import between_round, on_round_spins
 from postproc.planning.search.rungs import (
     ARM,
-    TIE_TRAVEL,
     WRIST,
     Parted,
     SearchOptions,

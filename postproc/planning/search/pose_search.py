@@ -17,8 +17,8 @@ from postproc.planning.search.bridges import Bridges
 from postproc.planning.search.cuts import Spans, fill, judge
 from postproc.planning.search.edges import Edges
 from postproc.planning.search.failing import SHORT, FailingCuts, also_failing, break_at
+from postproc.planning.search.prices import STUCK
 from postproc.planning.search.rungs import (
-    STUCK,
     Parted,
     SearchOptions,
     beside,

@@ -16,7 +16,8 @@ from postproc.errors import Finding, Severity
 from postproc.planning.search.between import Interpolation
 from postproc.planning.search.laps import searched
 from postproc.planning.search.pose_search import PoseSearch
-from postproc.planning.search.rungs import FINER_PRICE, Window, is_round, yardstick
+from postproc.planning.search.prices import FINER_PRICE
+from postproc.planning.search.rungs import Window, is_round, yardstick
 from postproc.planning.states import Chosen, Problem, entered_anew
 from postproc.process import feeds_of
 from postproc.units import PERCENT

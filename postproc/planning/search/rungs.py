@@ -19,6 +19,21 @@ from postproc.planning.search.between import Interpolation
 from postproc.planning.search.bridges import Bridges
 from postproc.planning.search.edges import Edges, best_of, edges_of
 from postproc.planning.search.keytags import arc_length
+from postproc.planning.search.prices import (
+    CHANGE,
+    CHANGE_BOUND,
+    CUT_TRAVEL,
+    DEAR,
+    DEARER,
+    FINER_PRICE,
+    HOME_SHARE,
+    PARTED,
+    ROLL_PRICE,
+    STUCK,
+    TIE_SPIN,
+    TIE_TRAVEL,
+    TURNED_PRICE,
+)
 from postproc.planning.search.tilt_steps import TiltSteps
 from postproc.planning.states import (
     BRANCHES,
@@ -36,19 +51,6 @@ from postproc.process import AXIS_SHARE
 from postproc.records import dataclass
 from postproc.units import DEG, TURN
 
-TIE_TRAVEL = 1e-7
-"""Weight of travel that only breaks ties."""
-DEAR = 30.0
-"""Cost of a state beyond the bound of loss: taken only where nothing else can be run."""
-DEARER = 300.0
-"""What each further 1 (100 %) of loss beyond the bound costs."""
-CUT_TRAVEL = 3e-3
-"""Weight of travel inside a cut where every tag is optimised for itself: 0.3 % of stiffness for a
-joint step of 10 degrees. Without it neighbours stand at opposite spins and no line joins them."""
-STUCK = 1e6
-"""Cost of a state from which the tool cannot back off where a cut ends: more than any way costs,
-as a tool that is stuck is refused."""
-_TIE_SPIN = 1e-5
 CUT_UNIT = 0.01
 """Length [m] of cut over which states and travel weigh as at one tag by itself: what a cut costs
 must not depend on how densely the CAM system set its points."""
@@ -61,34 +63,16 @@ BRIDGED_TURN = 15.0 * DEG
 STEADY_TURN = 45.0 * DEG
 """Largest turn of the tool about its axis [rad] from key tag to key tag over that way, more over a
 longer one; a faster turn is looked for only where there is no way without."""
-HOME_SHARE = 0.05
-"""Share of the price of travel that counts from home and back: one move, and a long one."""
-CHANGE = 1e5
-"""Cost of another shoulder, elbow or wrist at the next tag where a search keeps them steady: more
-than all that such changes could gain."""
-_CHANGE_BOUND = 1e3
-"""So many times as much where the cell bounds losses, which are priced accordingly."""
-_PARTED = 10.0
-"""What a step costs that leads where no free path was found, in such changes: they may help."""
 _AROUND = 30.0 * DEG
 """No free way between two poses: so far [rad] around them none is looked for any more."""
 STEADY_BAND = 45.0 * DEG
 """How far [rad] to each side a cut may roll the tool off its main spin without earning it."""
-ROLL_PRICE = 0.02
-"""What stands beyond that must gain so much: 1 % of stiffness, and as much for the grid of spins,
-whose rounding may favour one of two mirrored poses by it."""
 ARM, WRIST = 3, 4
 """The bits of a branch that say how shoulder and elbow stand, and the wrist."""
 _FINEST = 0.1 * DEG
 """Step of the spins about a pose where the cell rounds none."""
 _ROUND = 1e-5
 """A spin is round that is nearer to it, in such steps: the grid of poses rounds as well."""
-FINER_PRICE = 0.01
-"""What a spin between round ones has to gain: 1 % of stiffness, less than any arm is known to."""
-TURNED_PRICE = 0.01
-"""What a spin of half a turn has to gain: 1 % of stiffness, and the less the nearer to a quarter.
-Two families of poses that are mirror images of each other cost almost the same in all; then one
-hole more or less turned the whole panel, if nothing told them apart at every hole by itself."""
 ROUNDER = 2
 """Of round spins every second one; the others have to gain as much. It halves how many holes turn
 where a base is measured anew by some mm or a tool is ground, for .1 % of stiffness."""
@@ -244,7 +228,7 @@ def states_on(
         states.cost[pinned[owner] & (column != pin[owner])] = np.inf
     spin = states.spin_of(np.arange(len(states.q)))
     if options.each:
-        states.cost += _TIE_SPIN * (spin / TRAVEL_UNIT) ** 2
+        states.cost += TIE_SPIN * (spin / TRAVEL_UNIT) ** 2
     else:
         is_hole = np.repeat(problem.strokes.is_stroke[tags], np.diff(states.offsets))
         states.cost[is_hole] += TURNED_PRICE * np.maximum(-np.cos(spin[is_hole]), 0.0)
@@ -330,7 +314,7 @@ def ladder_of(
         apart = np.sqrt(change / max(float(weight[rule == Rule.FREE].max(initial=0.0)), ROUNDING))
         bits = (apart * _bits(np.arange(BRANCHES), options.steady)).astype(np.float32)
         position = np.hstack([position, bits[states.branch]])
-    tolls = _tolls(options.parted, states.q, _PARTED * change)
+    tolls = _tolls(options.parted, states.q, PARTED * change)
     _price_home(problem, states, options, cost, tolls, change)
     ladder = Ladder(states.offsets, position, cost, states.branch, rule, weight)
     if tolls is not None:
@@ -366,14 +350,14 @@ def _price_home(
 
 
 def _price_of_change(problem: Problem) -> float:
-    return CHANGE * (1.0 if problem.cell.optimize.loss_bound is None else _CHANGE_BOUND)
+    return CHANGE * (1.0 if problem.cell.optimize.loss_bound is None else CHANGE_BOUND)
 
 
 def tolls_of(
     problem: Problem, parted: tuple[Parted, ...], before: FloatArray, after: FloatArray
 ) -> FloatArray:
     """Return the tolls (m,) of steps off the part from joints (m, 6) to joints (m, 6)."""
-    tolls = _tolls(parted, np.stack([before, after]), _PARTED * _price_of_change(problem))
+    tolls = _tolls(parted, np.stack([before, after]), PARTED * _price_of_change(problem))
     if tolls is None:
         return np.zeros(len(before))
     return np.asarray((tolls.leaves[0] * tolls.enters[1]).sum(axis=1))
