@@ -291,7 +291,8 @@ def test_beyond_the_end_of_the_rail(make_cell, make_path):
     toolpath = long_cut(make_path, half=6.5)
     result = plan(toolpath, make_cell(external_axes=(RAIL,)))
     assert {finding.code for finding in result.errors} >= {"PLN101"}
-    lost = [f for f in result.errors if "places of E1 tried reaches all of this" in f.message]
+    words = "position of E1 that was tried reaches all of this"
+    lost = [f for f in result.errors if words in f.message]
     assert lost
     assert all(abs(toolpath.points[f.tag_index, 1]) > 3.5 for f in lost if f.code == "PLN101")
 
