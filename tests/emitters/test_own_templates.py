@@ -1,8 +1,11 @@
 """A template of the shop that cannot be judged: the message names its file, line and key."""
 
+import shutil
+
 import pytest
 
 from postproc.cli.app import run
+from postproc.resources import templates_folder
 
 HOLES = "id,x,y,z,i,j,k,depth,feed,rpm\nH1,0,0,0,0,0,1,12,120,3000\nH2,60,0,0,0,0,1,12,120,3000\n"
 
@@ -10,7 +13,7 @@ HOLES = "id,x,y,z,i,j,k,depth,feed,rpm\nH1,0,0,0,0,0,1,12,120,3000\nH2,60,0,0,0,
 @pytest.fixture
 def shop(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "shop").mkdir()
+    shutil.copytree(templates_folder() / "default", tmp_path / "shop")
     (tmp_path / "holes.csv").write_text(HOLES, encoding="utf-8")
     call = (
         "new-cell -q -o cell.toml --robot kuka_kr210_r2700_2 --tool-xyz 150 0 250 --tool-axis +x "

@@ -166,17 +166,19 @@ class TemplateSet:
     def origin(self, line: str) -> SourceRef | None:
         """Return the line of the cell's own templates that gives a line of a program, if one does.
 
-        Values that a template puts in may be anything; blanks do not count.
+        Values that a template puts in may be anything; blanks do not count. Of several such lines
+        the one with the most text of its own is meant.
         """
         wanted = "".join(line.split()).upper()
+        most, found = 0, None
         for path in sorted(self.own.glob("*.j2")) if self.own else ():
             rows = path.read_text("utf-8", "replace").splitlines()
             for number, row in enumerate(rows, start=1):
                 fixed = ["".join(part.split()).upper() for part in _VALUE.split(row)]
-                pattern = ".*".join(re.escape(part) for part in fixed)
-                if any(fixed) and re.fullmatch(pattern, wanted):
-                    return self.file(path.name, number, row.strip())
-        return None
+                pattern, size = ".*".join(re.escape(part) for part in fixed), sum(map(len, fixed))
+                if size > most and re.fullmatch(pattern, wanted):
+                    most, found = size, self.file(path.name, number, row.strip())
+        return found
 
     def file(self, name: str, line: int = 1, text: str = "") -> SourceRef:
         """Return a line of a template, its file named from where the cell file was named."""
