@@ -32,7 +32,7 @@ MAX_SAMPLES = 1_500_000
 """Beyond this the pieces get longer."""
 NEAR_ZERO = 2.0 * DEG
 """Within this of 0 a controller may override the turn bit of an axis."""
-_CHUNK = 50_000
+_CHUNK = 10_000
 _LEAP = 20.0 * DEG
 
 _STILL = 1e-5
@@ -94,17 +94,21 @@ class Paths:
         step[1:] = np.abs(np.diff(self.q, axis=0)).max(axis=1)
         return np.asarray(~self.trace.is_cp & (step < _STILL))
 
-    def in_order(self) -> Poses:
-        """Return samples of path motions and ends of PTP motions, in order of time."""
-        ptp = np.flatnonzero(~self.trace.is_cp)
-        row = np.concatenate([self.row, ptp])
+    def in_order(self, low: int = 0, high: int | None = None) -> Poses:
+        """Return samples of path motions and ends of PTP motions, in order of time.
+
+        Of motions ``low`` to ``high`` - 1.
+        """
+        own = slice(*np.searchsorted(self.row, [low, len(self) if high is None else high]))
+        ptp = low + np.flatnonzero(~self.trace.is_cp[low:high])
+        row = np.concatenate([self.row[own], ptp])
         order = np.argsort(row, kind="stable")
         return Poses(
             row[order],
-            np.concatenate([self.share, np.ones(len(ptp))])[order],
-            taken(np.concatenate([self.q_sample, self.q[ptp]]), order),
-            taken(np.concatenate([self.point, self.end_point[ptp]]), order),
-            taken(np.concatenate([self.axis, self.end_axis[ptp]]), order),
+            np.concatenate([self.share[own], np.ones(len(ptp))])[order],
+            taken(np.concatenate([self.q_sample[own], self.q[ptp]]), order),
+            taken(np.concatenate([self.point[own], self.end_point[ptp]]), order),
+            taken(np.concatenate([self.axis[own], self.end_axis[ptp]]), order),
         )
 
     def points_at(self, row: AnyIntArray, share: FloatArray) -> FloatArray:
