@@ -50,5 +50,5 @@ def test_a_violation_is_what_the_page_opens_on(browser, spoiled):
     lines = {int(data["krl_line"][int(row)]) for row in data["failing"]}
     assert any(abs(found - line) <= 8 for found in lines)
     assert browser.run("ppPage.state()")["shown"] == min(int(row) for row in data["failing"])
-    browser.click("#findings tr[data-goto]")
+    browser.click("#findings [data-goto]")
     assert browser.run("document.querySelector('#which').className") == "bad"
