@@ -269,7 +269,7 @@ class _Search:
         for number in range(2, _ROUNDS + 1):
             if any(rank.free >= 1.0 for rank in self.ranked.values()):
                 break
-            self._job_ranked(self._apart(self._order(), _RANKED * number, self._step / 2.0**number))
+            self._job_ranked(self._spread(_RANKED * number))
         top = max(self.ranked, key=lambda p: (self.ranked[p].key, self._nearness(p)))
         for step in (self._step / 4.0, self._step / 8.0):
             around = [p for p in self._neighbours(top, step) if self._look(p)[0] >= self.reach[top]]
@@ -279,6 +279,26 @@ class _Search:
             self.ranked, key=lambda p: (self.ranked[p].key, self._nearness(p)), reverse=True
         )
         return self._apart(order, _PROVEN, self._step / 8.0)
+
+    def _spread(self, most: int) -> list[_Point]:
+        """Return places where as much is reached as anywhere, each far from those with solids.
+
+        What is reached alike all over a region says nothing of the solids in it: they are asked
+        all over it too, not where things stand.
+        """
+        best = max(self.reach.values())
+        rest = [p for p, share in self.reach.items() if share >= best and p not in self.ranked]
+        scale = np.where(self._step > 0.0, self._step, 1.0)
+        where, asked = np.array(rest) / scale, np.array(list(self.ranked)) / scale
+        taken: list[_Point] = []
+        away = np.full(len(rest), np.inf)
+        for at in asked:
+            away = np.minimum(away, np.abs(where - at).max(axis=1))
+        while len(taken) < min(most, len(rest)):
+            far = int(np.argmax(away))
+            taken.append(rest[far])
+            away = np.minimum(away, np.abs(where - where[far]).max(axis=1))
+        return taken
 
     def _nearness(self, point: _Point) -> tuple[float, ...]:
         """Return how near a place is to where things stand, to settle draws."""
