@@ -122,6 +122,12 @@ def test_a_dark_scheme_is_readable(browser, holes):
         )
         light = [sum(map(int, c[4:-1].split(","))) / 3 for c in (ink, paper)]
         assert light[0] - light[1] > 120
+        corner = browser.run(
+            "(() => { const c = document.querySelector('#scene canvas');"
+            " const d = new OffscreenCanvas(c.width, c.height).getContext('2d');"
+            " d.drawImage(c, 0, 0); return [...d.getImageData(2, 2, 1, 1).data]; })()"
+        )
+        assert sum(corner[:3]) / 3 < 80
     finally:
         browser.call("Emulation.setEmulatedMedia", features=[])
 

@@ -29,6 +29,8 @@ const STEP = Math.PI / 24; // that an arrow turns
 const HIGHEST = 1.5; // above or below the level
 const NEARER = 1.15;
 const MEETING = 0.025; // m
+const LIGHT = 0xeef2f5;
+const DARK = 0x232c35;
 const PINK = 0xe91e63;
 const YELLOW = 0xffd600;
 const FILLED = 0.94; // share of the view
@@ -54,15 +56,18 @@ class SceneView {
     this.#renderer = renderer;
     renderer.setPixelRatio(Math.min(2, window.devicePixelRatio || 1));
     host.append(renderer.domElement);
-    this.#scene.background = new Color(0xeef2f5);
+    const dark = window.matchMedia("screen and (prefers-color-scheme: dark)");
+    const paint = () => {
+      this.#scene.background = new Color(dark.matches ? DARK : LIGHT);
+      this.#draw();
+    };
+    dark.addEventListener("change", paint);
     this.#camera.up.set(0, 0, 1);
     this.#controls = new OrbitControls(this.#camera, renderer.domElement);
     this.#controls.addEventListener("change", () => this.#draw());
     renderer.domElement.tabIndex = 0;
-    renderer.domElement.setAttribute(
-      "aria-label",
-      "3D view: arrows turn, + and - zoom, 0 shows all",
-    );
+    const keys = "3D view: arrows turn, + and - zoom, 0 shows all";
+    renderer.domElement.setAttribute("aria-label", keys);
     renderer.domElement.addEventListener("keydown", (event) => this.#key(event));
     this.#part.matrixAutoUpdate = false;
     this.#scene.add(this.#part);
@@ -79,6 +84,7 @@ class SceneView {
       this.#tips = new Tips(robot, this.#scene, host);
       this.stand(robot.T_world_robroot, robot.T_world_base);
     }
+    paint();
     window.addEventListener("resize", () => this.#resize());
     window.addEventListener("beforeprint", () => renderer.render(this.#scene, this.#camera));
     this.#resize();
