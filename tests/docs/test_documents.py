@@ -5,6 +5,7 @@ line in the reference.
 """
 
 import json
+import re
 
 import jsonschema
 import pytest
@@ -127,3 +128,22 @@ def test_an_undescribed_key_and_a_wrong_type_are_seen(documents, capsys, monkeyp
     assert faults({**document, "more": 1})
     assert faults({**document, "tags": "12"})
     assert faults({key: value for key, value in document.items() if key != "tags"})
+
+
+TRANSLATED = re.compile(
+    r"leave (?:it|them|--[a-z]+|[A-Z_]+) away|nobody knows|what it hits|stands? beside"
+    r"|claimed by no|as stiff as it can stand|is not seen|somebody|mend it|is to be done",
+    re.IGNORECASE,
+)
+"""What is carried over from another language and has a better word on the shop floor."""
+
+
+def test_texts_for_users_have_no_translated_phrases():
+    files = [ROOT / "README.md", *ROOT.glob("docs/**/*.md"), *ROOT.glob("postproc/codes/*.toml")]
+    found = [
+        f"{path.name}:{number}: {match[0]}"
+        for path in sorted(files)
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1)
+        if (match := TRANSLATED.search(line))
+    ]
+    assert found == []
