@@ -24,6 +24,8 @@ ROOT = Path(__file__).resolve().parents[2]
 PANEL = ROOT / "fixtures" / "drilling_panel"
 READY = "window.ppPage && ppPage.state().ready"
 MOST_BYTES = 400_000
+RADIUS = 1800.0
+"""Of the skin of the panel [mm]."""
 
 
 def campaign(rows: int = 160, seed: int = 3, noise: float = 15e-6) -> str:
@@ -47,23 +49,47 @@ def campaign(rows: int = 160, seed: int = 3, noise: float = 15e-6) -> str:
     return "\n".join(lines) + "\n"
 
 
+def stiffened(folder: Path) -> Path:
+    """Return the cell of the panel with stringers and frames behind its skin, as a fuselage has."""
+
+    def solid(name: str, size: tuple[float, ...], x: float, angle: float, depth: float) -> str:
+        y, z = (RADIUS - depth) * np.sin(angle), (RADIUS - depth) * np.cos(angle) - RADIUS
+        place = f"xyz_mm = [{x:.0f}, {y:.1f}, {z:.1f}], abc_deg = [0, 0, {-np.degrees(angle):.2f}]"
+        return f'{{ name = "{name}", box = {{ size_mm = {list(size)} }}, {place} }}'
+
+    angles = np.linspace(-0.18, 0.18, 7)
+    solids = [solid(f"stringer {k}", (1160, 4, 34), 0, a, 24) for k, a in enumerate(angles)]
+    solids += [solid(f"flange {k}", (1160, 22, 3), 0, a, 41) for k, a in enumerate(angles)]
+    solids += [
+        solid(f"frame {x} {k}", (4, 112, 70), x, a, 82)
+        for x in (-480, -160, 160, 480)
+        for k, a in enumerate((angles[1:] + angles[:-1]) / 2)
+    ]
+    text = (PANEL / "cell.toml").read_text(encoding="utf-8")
+    text = text.replace('{ file = "panel.stl" }', '{ file = "panel.stl" }, ' + ", ".join(solids))
+    path = folder / "cell.toml"
+    path.write_text(text.replace('file = "', f'file = "{PANEL.as_posix()}/'), encoding="utf-8")
+    return path
+
+
 def pages(folder: Path) -> dict[str, Path]:
     """Make both pages in a folder."""
-    cell = ["--cell", str(PANEL / "cell.toml"), "-q"]
+    cell = ["--cell", str(stiffened(folder)), "-q"]
     program = folder / "program.html"
     call = ["convert", str(PANEL / "panel.csv"), *cell, "-o", str(folder), "--report", str(program)]
     if app.run(call) != 0:
         raise SystemExit("the panel could not be converted")
     rows = folder / "measured.csv"
     rows.write_text(campaign(), encoding="utf-8")
-    if app.run(["diagnose", str(rows), *cell, "-o", str(folder / "gap")]) != 0:
+    twin = ["--cell", str(ROOT / "fixtures" / "drift_campaign" / "cell.toml"), "-q"]
+    if app.run(["diagnose", str(rows), *twin, "-o", str(folder / "gap")]) != 0:
         raise SystemExit("the campaign could not be diagnosed")
     return {"program_page": program, "diagnosis_page": folder / "gap" / "report.html"}
 
 
-def workbench(browser: Browser) -> bytes:
+def workbench(browser: Browser, cell: Path) -> bytes:
     """Return a picture of the workbench while a spin is dragged."""
-    call = [sys.executable, "-m", "postproc", "ui", "cell.toml", "panel.csv"]
+    call = [sys.executable, "-m", "postproc", "ui", str(cell), "panel.csv"]
     server = subprocess.Popen(
         [*call, "--no-browser", "--json"], cwd=PANEL, stdout=subprocess.PIPE, text=True
     )
@@ -104,7 +130,7 @@ def main(target: Path) -> None:
                     raise SystemExit(f"{name}: {len(picture)} bytes are too many")
                 (target / f"{name}.png").write_bytes(picture)
                 print(f"{target / name}.png: {len(picture)} bytes")
-        (target / "workbench.png").write_bytes(workbench(browser))
+            (target / "workbench.png").write_bytes(workbench(browser, Path(folder) / "cell.toml"))
     finally:
         browser.close()
 
