@@ -19,7 +19,7 @@ def test_laps_choose_as_the_whole_search_but_for_the_last_percent(
 ):
     path, cell = make_path(ROWS, [0.1, 0.2, 1.0], MotionKind.RAPID), make_cell()
     whole = plan(path, cell)
-    monkeypatch.setattr(feasible, "_AT_ONCE", 7)
+    monkeypatch.setattr(feasible, "AT_ONCE", 7)
     assert plan(path, cell).q.tobytes() == whole.q.tobytes()
     monkeypatch.setattr(laps, "AHEAD", 5)
     for lap in (12, 25, 53):
