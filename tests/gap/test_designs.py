@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from postproc.gap.data import designs
 from postproc.gap.data.dataset import make_samples
-from postproc.gap.posterior.designs import designs
 from postproc.gap.robot_model import RobotModel
 
 

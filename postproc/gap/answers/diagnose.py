@@ -151,7 +151,7 @@ def diagnose(problem: Problem, progress: Progress | None = None) -> Diagnosis:
         suspects=suspects,
         adopted=tuple(step.name for step in apart.steps),
         fit=last.fit,
-        deviation=last.deviations(problem.split.fold),
+        deviation=last.deviations,
         baseline=apart.baseline,
         residual=residual,
         steps=apart.steps,
@@ -162,7 +162,7 @@ def diagnose(problem: Problem, progress: Progress | None = None) -> Diagnosis:
         extra=_extra(found),
         unexplained=() if verdict in ("explained", "no_gap") else rest,
         ripple=_ripple(found) if verdict == "unexplained" else (),
-        spread=last.spread(problem.split.fold),
+        spread=last.spread,
     )
 
 

@@ -20,7 +20,6 @@ from postproc.gap.answers.where import where
 from postproc.gap.data import Samples
 from postproc.gap.effect import State
 from postproc.gap.fit import moved_by
-from postproc.gap.posterior import designs
 from postproc.gap.robot_model import effect_of
 from postproc.model import ModelFile
 from postproc.units import MM
@@ -262,7 +261,7 @@ def _adopted(diagnosis: Diagnosis, name: str) -> dict[str, Any]:
 def _elsewhere(diagnosis: Diagnosis) -> dict[str, list[dict[str, Any]]]:
     """Return for each adopted effect what it brings on designs that it was not fitted to."""
     problem = diagnosis.problem
-    label = designs(problem.samples, problem.measurements.group)
+    label = problem.design
     return {
         name: [
             {"design": word, "rows": int(np.sum(label.label == k)), "gain_nats": round(by[word], 1)}

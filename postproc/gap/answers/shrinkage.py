@@ -13,7 +13,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
-from postproc.gap.fit import Problem
 from postproc.gap.posterior import Judged, Name, Named, Serving, frames_of, thinned
 from postproc.records import dataclass
 
@@ -61,17 +60,20 @@ class Apart:
             served: the names, and what may serve beside them.
             kept: (n,) rows that are no measuring faults.
         """
-        best = cls.of(served[0], kept)
+        problem, rows = served[0].judged.posterior.problem, thinned(kept)
+        nothing, sigma = np.zeros((len(rows), 3)), served[0].at.sigma
+        bare = Named.of(problem, frames_of(problem), sigma, rows, nothing)
+        best = cls.of(served[0], bare, kept)
         for more in served[1:]:
-            apart = cls.of(more, kept)
-            cluster = more.judged.posterior.problem.split.cluster[kept]
+            apart = cls.of(more, bare, kept)
+            cluster = problem.split.cluster[kept]
             fall = _sums(best.held[:, 1], apart.held[:, 1], cluster) @ np.array([1.0, -1.0])
             if fall.sum() > np.sqrt(np.sum(fall**2)):
                 best = apart
         return best
 
     @classmethod
-    def of(cls, served: Serving, kept: BoolArray) -> Apart:
+    def of(cls, served: Serving, bare: Named, kept: BoolArray) -> Apart:
         """Add the adopted effects one by one, then all else that serves, and compare.
 
         Each step adds the effect that removes most of what is left on fitted rows, and says how
@@ -79,76 +81,31 @@ class Apart:
 
         Args:
             served: what the model holds.
+            bare: fit of the frames alone.
             kept: (n,) rows that are no measuring faults.
         """
-        judged = served.judged
-        problem = judged.posterior.problem
-        parts = _Parts.of(problem, kept)
-        order, rows = _ordered(judged), thinned(kept)
-        some = [{}, *(served.free(order[:count]) for count in range(1, len(order) + 1))]
-        some[0] = frames_of(problem)
-        if set(served.keys) != {k for n in order for k in n.keys}:
-            some.append(served.free())
-        fits = [
-            Named.of(problem, free, served.at.sigma, rows, served.beside * bool(count))
-            for count, free in enumerate(some)
-        ]
-        left = [parts.left(fit) for fit in fits]
-        steps = tuple(
-            Step(name.name, *parts.shrinkage(before, after))
-            for name, before, after in zip(order, left, left[1:], strict=False)
-        )
-        low, high = parts.shrinkage(left[0], left[-1])[2]
-        first, last = fits[0], fits[-1]
+        judged, problem = served.judged, served.judged.posterior.problem
+        split, names = problem.split, [name.name for name in _ordered(judged)]
+        last = Named.of(problem, served.free(), served.at.sigma, thinned(kept), served.beside)
+        before, after = bare.held()[kept], last.held()[kept]
+        each = [before, *(last.held(names[: k + 1])[kept] for k in range(len(names)))]
+
+        def interval(before: FloatArray, after: FloatArray) -> tuple[float, float]:
+            return shrink_interval(before, after, split.cluster[kept], split.stretch[kept])
+
+        here = split.sealed & kept
+        is_told = bool(np.any(here)) and not np.all(split.sealed)
         return cls(
-            steps,
-            (rms(left[0]), rms(left[-1]), low, high),
-            (parts.sealed(first), parts.sealed(last)),
+            tuple(
+                Step(name, rms(one), rms(more), interval(one, more))
+                for name, one, more in zip(names, each, each[1:], strict=False)
+            ),
+            (rms(before), rms(after), *interval(before, after)),
+            (rms(bare.sealed()[here]), rms(last.sealed()[here])) if is_told else (np.nan, np.nan),
             last,
-            first.fit.point,
-            np.stack([left[0], left[-1]], axis=1),
+            bare.fit.point,
+            np.stack([before, after], axis=1),
         )
-
-
-@dataclass(frozen=True, slots=True)
-class _Parts:
-    """Ways to part rows (n,), and which of them count.
-
-    place, time: (n,) 0..k-1 parts that are left out in turn; cluster: (n,) of alike rows;
-    is_sealed: (n,); kept: (n,).
-    """
-
-    place: IntArray
-    time: IntArray
-    cluster: IntArray
-    is_sealed: BoolArray
-    kept: BoolArray
-
-    @classmethod
-    def of(cls, problem: Problem, kept: BoolArray) -> _Parts:
-        """Return those of a problem; postures that are all alike have no places."""
-        split = problem.split
-        place = split.fold if split.folds > 1 else split.stretch
-        return cls(place, split.stretch, split.cluster, split.sealed, kept)
-
-    def left(self, fit: Named) -> FloatArray:
-        """Return how far each row that counts is missed [m] without its place or its time."""
-        square = [fit.missed(label)[self.kept] ** 2 for label in (self.place, self.time)]
-        return np.asarray(np.sqrt(np.mean(square, axis=0)))
-
-    def sealed(self, fit: Named) -> float:
-        """Return the 3D rms [m] by which the sealed rows are missed by a fit without them."""
-        rows = self.is_sealed & self.kept
-        if not np.any(rows) or np.all(self.is_sealed):
-            return float("nan")
-        return rms(fit.missed(self.is_sealed.astype(np.int32))[rows])
-
-    def shrinkage(
-        self, before: FloatArray, after: FloatArray
-    ) -> tuple[float, float, tuple[float, float]]:
-        """Return the 3D rms [m] before and after, and the interval of the shrinkage."""
-        clusters, stretches = self.cluster[self.kept], self.time[self.kept]
-        return rms(before), rms(after), shrink_interval(before, after, clusters, stretches)
 
 
 def _ordered(judged: Judged) -> list[Name]:

@@ -9,6 +9,7 @@ from postproc.gap.data.dataset import (
     make_samples,
     samples_of,
 )
+from postproc.gap.data.designs import Designs, designs
 from postproc.gap.data.loads import (
     carried_torque,
     first_moment_torque,

@@ -98,14 +98,15 @@ class AngleError(Effect):
         for j in range(6):
             here = np.flatnonzero(joint == j + 1)
             column = np.full(round(360.0 / step[j]), -1)
-            column[knot[here]] = here
+            column[knot[here]] = np.arange(len(here))
             below = np.floor(samples.q[:, j] / DEG / step[j])
             part = samples.q[:, j] / DEG / step[j] - below
+            own = np.zeros((len(samples), len(here)))
             for number, share in ((below, 1.0 - part), (below + 1.0, part)):
                 at = column[number.astype(np.int32) % len(column)]
                 rows = np.flatnonzero(at >= 0)
-                turn[rows, j, at[rows]] = share[rows]
-            turn[:, j, here] = _without(turn[:, j, here], knot[here] * step[j] * DEG, left_out)
+                own[rows, at[rows]] = share[rows]
+            turn[:, j, here] = _without(own, knot[here] * step[j] * DEG, left_out)
         return Basis(joint=turn)
 
     def write(self, state: State, arm: Arm) -> dict[str, Any]:

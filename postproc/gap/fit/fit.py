@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IntArray
+from postproc.arrays import BoolArray, FloatArray
 from postproc.gap.data import Arm, Samples
 from postproc.gap.effect import Effect, Parameter, Setting, State
 from postproc.gap.robot_model import States, columns, effect_of, evaluate
@@ -72,25 +72,23 @@ def fit(
         free: effects to fit.
     """
     effects = [(effect_of(name), options) for name, options in free.items()]
-    parameters, slices, root, mean = _layout(samples, given, effects)
+    parameters, slices, root, mean = layout(samples, given, effects)
     width, lower, upper = _widths(parameters, root)
     theta = np.clip(_start(mean, effects, slices), lower, upper)
-    covariance = root @ root.T
-    states = dict(given)
-    point = samples.point
+    H = np.eye(len(width))
     for _ in range(_STEPS if effects else 0):
         states = dict(given) | _states(theta, effects, slices)
         point, actual = evaluate(samples, states)
-        X = _columns(actual, effects) @ root
-        A = _weighed(X, weight).reshape(-1, X.shape[2])
-        r = _weighed(measured - point, weight).ravel()
+        X = columns_of_all(actual, effects) @ root
+        A = weighed(X, weight).reshape(-1, X.shape[2])
+        r = weighed(measured - point, weight).ravel()
         H = A.T @ A + np.eye(len(width))
         gradient = A.T @ r + np.linalg.solve(root, mean - theta)
         step = _bounded(H, gradient, (lower - theta) / width, (upper - theta) / width)
         theta = theta + root @ step
-        covariance = root @ np.linalg.inv(H) @ root.T
         if np.max(np.abs(step), initial=0.0) < 1e-4:
             break
+    covariance = root @ np.linalg.inv(H) @ root.T
     unseen = np.sqrt(np.diag(covariance)) > _UNSEEN * np.sqrt(np.diag(root @ root.T))
     states = dict(given) | _states(theta, effects, slices)
     point = evaluate(samples, states)[0]
@@ -104,25 +102,6 @@ def unit_root(effect: Effect, arm: Arm, setting: Setting) -> FloatArray:
     return np.asarray(np.diag(typical) if root is None else typical[:, None] * root)
 
 
-def left_open(
-    samples: Samples, states: States, free: Mapping[str, Free], weight: FloatArray
-) -> tuple[FloatArray, dict[str, slice], FloatArray]:
-    """Return what rows leave open of effects at some states: covariance, slices, usual sizes.
-
-    Args:
-        samples: rows.
-        states: of all effects that act; those that are not among them are at zero.
-        free: the effects.
-        weight: as in ``fit``.
-    """
-    effects = [(effect_of(name), options) for name, options in free.items()]
-    parameters, slices, root, _ = _layout(samples, {}, effects)
-    X = _columns(evaluate(samples, states)[1], effects) @ root
-    A = _weighed(X, weight).reshape(-1, X.shape[2])
-    covariance = root @ np.linalg.inv(A.T @ A + np.eye(len(root))) @ root.T
-    return covariance, slices, np.array([p.typical for p in parameters])
-
-
 def variance(samples: Samples, fitted: Fit) -> FloatArray:
     """Return how unsure noise makes the fitted points of rows: sum over the axes (n,) [m²].
 
@@ -132,82 +111,19 @@ def variance(samples: Samples, fitted: Fit) -> FloatArray:
     every = np.arange(len(fitted.theta))
     index = np.concatenate([every[:0], *(every[fitted.slices[name]] for name in names)])
     free = [(effect_of(name), Free(fitted.states[name].setting)) for name in names]
-    X = _columns(evaluate(samples, fitted.states)[1], free)
+    X = columns_of_all(evaluate(samples, fitted.states)[1], free)
     C = fitted.covariance[np.ix_(index, index)]
     return np.asarray(np.einsum("nap,pq,naq->n", X, C, X, optimize=True))
 
 
-def without_blocks(
-    samples: Samples,
-    states: States,
-    free: Mapping[str, Free],
-    rest: FloatArray,
-    weight: FloatArray,
-    label: IntArray,
-    moved: FloatArray | float = 0.0,
-) -> FloatArray:
-    """Return how far each fitted number moves once the rows of a label are left out of the fit.
-
-    One step from the optimum, exact for a linear model (delete-a-group, Efron 1982). Numbers at a
-    bound stay there.
-
-    Args:
-        samples: rows.
-        states: of all effects, fitted ones at their optimum.
-        free: the effects that were fitted.
-        rest: (n, 3) what the fit leaves [m].
-        weight: that of the fit; 0 for rows that it left out.
-        label: (n,) 0..k-1.
-        moved: (k, n, 3) how far the points have moved otherwise by then [m].
-
-    Returns:
-        (k, p) in the order of the effects, SI.
-    """
-    effects = [(effect_of(name), options) for name, options in free.items()]
-    parameters, _, root, _ = _layout(samples, {}, effects)
-    theta = np.concatenate([np.zeros(0), *(states[name].theta for name in free)])
-    _, lower, upper = _widths(parameters, root)
-    inside = (theta > lower) & (theta < upper)
-    actual = evaluate(samples, states)[1]
-    A = _weighed(_columns(actual, effects) @ root, weight)[:, :, inside]
-    r, p = _weighed(rest, weight), A.shape[2]
-    k = int(label.max()) + 1
-    further = np.stack([_weighed(m, weight) for m in np.broadcast_to(moved, (k, *rest.shape))])
-    pull = np.einsum("nap,kna->kp", A, further, optimize=True)
-    H = np.repeat((np.einsum("nap,naq->pq", A, A, optimize=True) + np.eye(p))[None], k, axis=0)
-    for j in range(k):
-        here = A[label == j].reshape(3 * np.count_nonzero(label == j), p)
-        H[j] -= here.T @ here
-        pull[j] += here.T @ (r - further[j])[label == j].ravel()
-    step = np.zeros((k, len(theta)))
-    step[:, inside] = -np.linalg.solve(H, pull[:, :, None])[:, :, 0]
-    return np.asarray(step @ root.T)
-
-
-def _weighed(values: FloatArray, weight: FloatArray) -> FloatArray:
+def weighed(values: FloatArray, weight: FloatArray) -> FloatArray:
     """Return values (n, 3) or (n, 3, p) times the weights (n,) or their roots (n, 3, 3)."""
     if weight.ndim == 1:
         return values * weight.reshape(-1, *[1] * (values.ndim - 1))
     return np.asarray(np.einsum("nij,nj...->ni...", weight, values, optimize=True))
 
 
-def moved_points(
-    samples: Samples, states: States, names: Iterable[str], by: FloatArray
-) -> FloatArray:
-    """Return how far points move (k, n, 3) [m] as numbers of effects do.
-
-    Args:
-        samples: rows.
-        states: where the numbers start.
-        names: effects of the numbers.
-        by: (k, p) how far the numbers move, SI.
-    """
-    free = [(effect_of(name), Free(states[name].setting)) for name in names]
-    X = _columns(evaluate(samples, states)[1], free)
-    return np.asarray(np.einsum("nap,kp->kna", X, by, optimize=True))
-
-
-def _layout(
+def layout(
     samples: Samples, given: States, effects: list[tuple[Effect, Free]]
 ) -> tuple[tuple[Parameter, ...], dict[str, slice], FloatArray, FloatArray]:
     """Return parameters, slices, the root (p, p) of the prior covariance, and its mean (p,)."""
@@ -254,7 +170,8 @@ def _states(
     return {e.name: State(theta[slices[e.name]].copy(), o.setting) for e, o in effects}
 
 
-def _columns(samples: Samples, effects: list[tuple[Effect, Free]]) -> FloatArray:
+def columns_of_all(samples: Samples, effects: list[tuple[Effect, Free]]) -> FloatArray:
+    """Return the columns (n, 3, p) of effects, per unit of their numbers."""
     parts = [columns(samples, e.basis(samples, o.setting)) for e, o in effects]
     return np.concatenate(parts, axis=2) if parts else np.zeros((len(samples), 3, 0))
 

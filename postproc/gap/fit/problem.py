@@ -10,7 +10,17 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray, Rows
 from postproc.cell import Cell
 from postproc.errors import DataError, SourceRef
-from postproc.gap.data import Samples, Seen, Split, columns_of, samples_of, seen_by, split
+from postproc.gap.data import (
+    Designs,
+    Samples,
+    Seen,
+    Split,
+    columns_of,
+    designs,
+    samples_of,
+    seen_by,
+    split,
+)
 from postproc.gap.effect import EFFECTS, Effect, Kind, Setting
 from postproc.gap.fit.load_place import register_loaded
 from postproc.gap.fit.registration import rows_on_the_arm
@@ -66,6 +76,7 @@ class Problem:
     settings: Mapping[str, Setting]
     not_testable: Mapping[str, tuple[str, ...]]
     split: Split
+    design: Designs
     searchable: BoolArray
     registration: Registration | None
     set_ups: SetUps
@@ -208,6 +219,7 @@ def pose_problem(
         settings,
         not_testable,
         parts,
+        designs(samples, measurements.group),
         _thinned(~parts.sealed),
         registration,
         rows,

@@ -2,7 +2,6 @@
 
 from postproc.gap.posterior.chosen import Posterior, posterior
 from postproc.gap.posterior.classes import Group, Part, groups_of
-from postproc.gap.posterior.designs import Designs, designs
 from postproc.gap.posterior.evidence import optimum
 from postproc.gap.posterior.final import Named, Serving, frames_of, servings, thinned
 from postproc.gap.posterior.gates import (

@@ -188,9 +188,17 @@ def numbers(
 
 
 def free_of(of: Posterior, keys: Iterable[str], at: Optimum | None = None) -> dict[str, Free]:
-    """Return the effects of some keys, and the frames, as a nonlinear fit takes them."""
+    """Return the effects of some keys, and the frames, as a nonlinear fit takes them.
+
+    It starts at their numbers in a set, the best one where none is given.
+    """
     problem, at = of.problem, of.best if at is None else at
-    free = {n: Free(problem.settings[n], WIDE) for n in problem.always}
+    equations = of.search.equations
+
+    def start(*parts: Candidate) -> FloatArray:
+        return np.concatenate([numbers(problem, c, at, equations)[0] for c in parts])
+
+    free = {n: Free(problem.settings[n], WIDE, start(of.candidate(n))) for n in problem.always}
     by_name: dict[str, list[Candidate]] = {}
     for key in keys:
         by_name.setdefault(of.candidate(key).name, []).append(of.candidate(key))
@@ -198,7 +206,7 @@ def free_of(of: Posterior, keys: Iterable[str], at: Optimum | None = None) -> di
         widen = np.concatenate([np.exp(at.log_scale[c.key])[c.family] for c in parts])
         settings = [c.setting or {} for c in parts]
         setting = settings[0] if len(settings) == 1 else effect_of(name).joined(settings)
-        free[name] = Free(setting, widen)
+        free[name] = Free(setting, widen, start(*parts))
     return free
 
 

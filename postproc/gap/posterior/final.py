@@ -7,30 +7,19 @@ not only to name, holds all that is the arm's, fitted to the readings together.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IntArray
+from postproc.arrays import BoolArray, FloatArray
 from postproc.gap.effect import Kind
-from postproc.gap.fit import (
-    WIDE,
-    Fit,
-    Free,
-    Problem,
-    fit,
-    gross_faults,
-    left_open,
-    moved_points,
-    without_blocks,
-)
-from postproc.gap.posterior.chosen import Posterior, free_of
+from postproc.gap.fit import WIDE, Fit, Free, Parted, Problem, Tangent, fit, gross_faults
+from postproc.gap.posterior.chosen import free_of
 from postproc.gap.posterior.classes import groups_of
 from postproc.gap.posterior.evidence import Optimum, optimum
 from postproc.gap.posterior.gates import Judged
 from postproc.gap.posterior.likelihood import Linearised, row_roots, student
-from postproc.gap.posterior.names import Name
 from postproc.gap.posterior.prior import Candidate, Sort, of_effect, of_group, wander
 from postproc.gap.posterior.products import Equations
 from postproc.gap.posterior.search import Subset
@@ -50,19 +39,18 @@ _MOST_FAULTS = 0.06
 
 @dataclass(frozen=True, slots=True)
 class Named:
-    """A fit of some names to some rows (n,), of which these alone are kept.
+    """A fit of some names to rows, of which these alone are kept.
 
-    full: with what stands beside them taken from the readings (n, 3) [m]; fit: frames fitted once
-    more to what is kept.
+    full: with what stands beside them taken from the readings; fit: frames fitted once more to what
+    is kept; tangent: of the first; place, time: it, parted by those.
     """
 
     problem: Problem
-    free: dict[str, Free]
-    sigma: float
-    rows: BoolArray
-    beside: FloatArray
     full: Fit
     fit: Fit
+    tangent: Tangent
+    place: Parted
+    time: Parted
 
     @classmethod
     def of(
@@ -73,87 +61,82 @@ class Named:
         rows: BoolArray,
         beside: FloatArray,
     ) -> Named:
-        """Fit effects to some rows (n,)."""
+        """Fit effects to some rows (n,), readings without what is beside (n, 3) [m]."""
         index = np.flatnonzero(rows)
         weight = problem.by(np.full(len(index), 1.0 / sigma), index)
-        part, measured = problem.samples.rows(index), problem.measured
-        found = fit(part, (measured - beside)[index], weight, problem.given, free)
-        full = replace(found, point=evaluate(problem.samples, found.states)[0])
-        if not (problem.always and np.any(beside)):
-            return cls(problem, free, sigma, rows, beside, full, full)
-        states = {n: s for n, s in full.states.items() if n not in problem.always}
-        frames = fit(part, measured[index], weight, states, frames_of(problem))
-        states |= {n: frames.states[n] for n in problem.always}
-        kept = replace(full, states=states, point=evaluate(problem.samples, states)[0])
-        return cls(problem, free, sigma, rows, beside, full, kept)
+        samples, measured, given = problem.samples, problem.measured, problem.given
+        part = samples.rows(index)
+        full = fit(part, (measured - beside)[index], weight, given, free)
+        full = replace(full, point=evaluate(samples, full.states)[0])
+        # what every arm has more or less is open whether it was named or not
+        usual = [e for e in problem.effects if e.is_common or e.kind == Kind.REGISTRATION]
+        open_ = {e.name: Free(problem.settings[e.name]) for e in usual if e.name not in given}
+        rest = measured - full.point
+        by = problem.by(np.where(rows, 1.0 / sigma, 0.0))
+        tangent = Tangent.of(samples, full.states, given, open_ | free, rest, by, beside)
+        kept = full
+        if problem.always and np.any(beside):
+            frames = fit(part, measured[index], weight, full.states, frames_of(problem))
+            states = full.states | {n: frames.states[n] for n in problem.always}
+            kept = replace(full, states=states, point=evaluate(samples, states)[0])
+        # postures that are all alike have no places
+        split, time = problem.split, tangent.parted(problem.split.stretch)
+        place = tangent.parted(split.fold) if split.folds > 1 else time
+        return cls(problem, full, kept, tangent, place, time)
 
-    def missed(self, label: IntArray) -> FloatArray:
-        """Return how far each row (n,) is missed [m] by the fit without the rows of its label.
+    def held(self, names: Collection[str] | None = None) -> FloatArray:
+        """Return how far each row (n,) is missed [m] without its place or its time.
 
         Args:
-            label: (n,) 0..k-1.
+            names: of effects that alone are fitted beside the frames; None: all.
         """
-        problem, samples, states = self.problem, self.problem.samples, self.full.states
-        rest = problem.measured - self.beside - self.full.point
-        by = without_blocks(samples, states, self.free, rest, self._weight, label)
-        ends = np.cumsum([len(states[name].theta) for name in self.free])
-        parts = (
-            dict(zip(self.free, np.split(by, ends[:-1], axis=1), strict=True)) if len(ends) else {}
-        )
-        again = frames_of(problem) if self.full is not self.fit else {}
-        stays = {n: part for n, part in parts.items() if n not in again}
-        moved = moved_points(samples, states, stays, np.hstack([by[:, :0], *stays.values()]))
-        if again:
-            rest = problem.measured - self.fit.point
-            by = without_blocks(samples, self.fit.states, again, rest, self._weight, label, moved)
-            moved = moved + moved_points(samples, self.fit.states, again, by)
-        left = problem.rest(self.fit.point + moved[label, np.arange(len(label))])
+        square = [self._missed(parted, names) ** 2 for parted in (self.place, self.time)]
+        return np.asarray(np.sqrt(np.mean(square, axis=0)))
+
+    def sealed(self) -> FloatArray:
+        """Return how far each sealed row (n,) is missed [m] by a fit without any of them."""
+        return self._missed(self.tangent.parted(self.problem.split.sealed.astype(np.int32)))
+
+    def _missed(self, parted: Parted, names: Collection[str] | None = None) -> FloatArray:
+        always = self.problem.always
+        some = self.full.slices if names is None else dict.fromkeys((*always, *names))
+        left = self.problem.onto(parted.missed(some, always))
         return np.asarray(np.linalg.norm(left, axis=1))
 
-    def deviations(self, label: IntArray) -> dict[str, FloatArray]:
-        """Return the standard deviations (p,) of each effect's numbers, SI.
+    @property
+    def deviations(self) -> dict[str, FloatArray]:
+        """Standard deviations (p,) of each effect's numbers, SI.
 
         The larger of the fit's own, which knows noise alone, and the delete-a-group jackknife over
-        labels of neighbouring poses (Efron 1982): a formula that is not exact gives other numbers
-        in another corner of the workspace.
+        neighbouring poses (Efron 1982): a formula that is not exact gives other numbers in another
+        corner of the workspace.
         """
-        apart = self._jackknife(label)
+        apart, slices = self._jackknife, self.tangent.slices
         scatter = np.sqrt(np.sum(apart**2, axis=0))
-        own = np.sqrt(np.diag(self.full.covariance))
-        wide = np.maximum(own, scatter) if len(apart) > 2 else own
-        return {name: wide[part] for name, part in self.full.slices.items()}
-
-    def spread(self, label: IntArray) -> dict[str, FloatArray]:
-        """Return how the numbers may be wrong together: by effect (d, p), in usual sizes.
-
-        The widest directions of what noise leaves open and of the jackknife, as in
-        ``deviations``. What every arm has more or less is open whether it was named or not.
-        """
-        problem, states = self.problem, self.full.states
-        usual = [e for e in problem.effects if e.is_common or e.kind == Kind.REGISTRATION]
-        every = [e for e in usual if e.name not in problem.given]
-        free = {e.name: Free(problem.settings[e.name]) for e in every} | self.free
-        covariance, slices, size = left_open(problem.samples, states, free, self._weight)
-        apart = self._jackknife(label)
-        for name, part in self.full.slices.items():
-            for other, beside in self.full.slices.items():
-                more = apart[:, part].T @ apart[:, beside]
-                covariance[slices[name], slices[other]] += more
-        values, axes = np.linalg.eigh(covariance / np.outer(size, size))
-        widest = np.sqrt(np.maximum(values[-_DIRECTIONS:], 0.0))[:, None] * axes.T[-_DIRECTIONS:]
-        return {name: widest[:, part] for name, part in slices.items()}
-
-    def _jackknife(self, label: IntArray) -> FloatArray:
-        """Return deviations (k, p) whose squares sum to the delete-a-group variance."""
-        rest = self.problem.measured - self.beside - self.full.point
-        by = without_blocks(
-            self.problem.samples, self.full.states, self.free, rest, self._weight, label
-        )
-        return np.asarray((by - by.mean(axis=0)) * np.sqrt((len(by) - 1) / len(by)))
+        own = {name: self.full.deviation(name) for name in self.full.slices}
+        if len(apart) < 3:
+            return own
+        return {name: np.maximum(own[name], scatter[slices[name]]) for name in own}
 
     @property
-    def _weight(self) -> FloatArray:
-        return self.problem.by(np.where(self.rows, 1.0 / self.sigma, 0.0))
+    def spread(self) -> dict[str, FloatArray]:
+        """How the numbers may be wrong together: by effect (d, p), in usual sizes.
+
+        The widest directions of what noise leaves open and of the jackknife, as in
+        ``deviations``.
+        """
+        of, apart = self.tangent, self._jackknife
+        inverse = np.linalg.inv(self.place.H.sum(axis=0) + np.eye(len(of.u)))
+        covariance = of.root @ inverse @ of.root.T + apart.T @ apart
+        values, axes = np.linalg.eigh(covariance / np.outer(of.size, of.size))
+        widest = np.sqrt(np.maximum(values[-_DIRECTIONS:], 0.0))[:, None] * axes.T[-_DIRECTIONS:]
+        return {name: widest[:, part] for name, part in of.slices.items()}
+
+    @property
+    def _jackknife(self) -> FloatArray:
+        """Deviations (k, p) whose squares sum to the delete-a-group variance, SI."""
+        by = self.place.numbers(self.full.slices) @ self.tangent.root.T
+        return np.asarray((by - by.mean(axis=0)) * np.sqrt((len(by) - 1) / len(by)))
 
 
 def frames_of(problem: Problem) -> dict[str, Free]:
@@ -182,11 +165,9 @@ class Serving:
     at: Optimum
     beside: FloatArray
 
-    def free(self, names: Sequence[Name] | None = None) -> dict[str, Free]:
-        """Return the effects, or those of some names, and the frames as a fit takes them."""
-        of = self.judged.posterior
-        keys = self.keys if names is None else [k for n in names for k in n.keys]
-        return free_of(of, keys, self.at)
+    def free(self) -> dict[str, Free]:
+        """Return the effects and the frames as a fit takes them."""
+        return free_of(self.judged.posterior, self.keys, self.at)
 
 
 def servings(judged: Judged) -> tuple[tuple[Serving, ...], BoolArray]:
@@ -199,17 +180,16 @@ def servings(judged: Judged) -> tuple[tuple[Serving, ...], BoolArray]:
     """
     of, whole = judged.posterior, judged.whole
     names = tuple(k for n in judged.adopted for k in n.keys)
-    fitted = _all_rows(judged, whole)
-    bad = fitted.faults()
-    found = [Serving(judged, names, whole, fitted.beside(names))]
+    rows = _AllRows.of(judged)
+    found = [Serving(judged, names, whole, rows.beside(whole, names))]
     keys = _telling(judged)
     if set(keys) > set(names):
         beside = [k for k in whole.keys if of.candidate(k).is_device and k not in keys]
         inside = dict.fromkeys((*of.search.always, *keys, *beside))
         at = optimum(of.search.equations, tuple(inside), of.prior, whole)
-        moved = _all_rows(judged, at).beside(keys) if beside else np.zeros((len(bad), 3))
+        moved = rows.beside(at, keys) if beside else np.zeros((len(rows.size), 3))
         found.append(Serving(judged, keys, at, moved))
-    return tuple(found), bad
+    return tuple(found), rows.faults()
 
 
 def _telling(judged: Judged) -> Subset:
@@ -235,23 +215,57 @@ def _telling(judged: Judged) -> Subset:
 
 @dataclass(frozen=True, slots=True)
 class _AllRows:
-    """A set of candidates fitted to all rows that are sound.
+    """All rows at the pose that the most probable set brings the arm to.
 
-    moved: by key (n, 3) [m]; size: (n,) what is left of each row, in the usual one of the sound;
-    gross: (n,) faults that are plain.
+    weight: (n,) roots of their weights, 0 for those that are not fitted; size: (n,) what is left of
+    each row, in the usual one of the sound; gross: (n,) faults that are plain.
     """
 
-    of: Posterior
-    moved: Mapping[str, FloatArray]
+    judged: Judged
+    at: Linearised
+    weight: FloatArray
     size: FloatArray
     gross: BoolArray
 
-    def beside(self, written: Sequence[str]) -> FloatArray:
-        """Return what all but the frames and some candidates move the readings by (n, 3) [m]."""
-        total = np.zeros((len(self.size), 3))
-        for key, moved in self.moved.items():
-            if self.of.candidate(key).sort is not Sort.FRAME and key not in written:
-                total += moved
+    @classmethod
+    def of(cls, judged: Judged) -> _AllRows:
+        """Return the rows of a campaign."""
+        of, whole, problem = judged.posterior, judged.whole, judged.posterior.problem
+        effects = [k for k in whole.keys if _has_effect(of.candidate(k))]
+        index, n = of.at.index, len(problem)
+        beside = of.moved(whole, [k for k in whole.keys if not _has_effect(of.candidate(k))])
+        by = problem.by(of.weight / whole.sigma, index)
+        measured, samples = problem.measured[index] - beside, problem.samples.rows(index)
+        found = fit(samples, measured, by, problem.given, free_of(of, effects, whole))
+        at, gross = Linearised.at(problem, np.arange(n), found.states), gross_faults(problem.gap)
+        here = cls(judged, at, thinned(~gross).astype(float), np.ones(n), gross)
+        for _ in range(2):
+            moved, scatter = here._fitted(whole)
+            size = problem.size(at.z - sum(moved.values(), np.zeros_like(at.z)))
+            # few rows beside many numbers lie closer to the fit than they scatter
+            level = max(scatter, of.level.sigma if of.level.known else 0.0)
+            sigma = max(robust_sigma(size[~gross]), level)
+            weight = np.where(here.weight > 0.0, student(size / sigma), 0.0)
+            here = replace(here, weight=weight, size=size / sigma)
+        return here
+
+    def _fitted(self, whole: Optimum) -> tuple[dict[str, FloatArray], float]:
+        """Return what the candidates of a set, at its scales, move the points by, and the noise."""
+        of, n = self.judged.posterior, len(self.at.z)
+        candidates = [_at(c, self.at, self.judged) for c in map(of.candidate, whole.keys)]
+        root = row_roots(of.problem, np.arange(n), self.weight)
+        equations = Equations.of(candidates, self.at.z, root)
+        here = optimum(equations, whole.keys, of.prior, whole, held=True)
+        theta = {c.key: here.theta[here.part(equations, c.key)] for c in candidates}
+        return {c.key: c.X @ theta[c.key] for c in candidates}, here.sigma
+
+    def beside(self, whole: Optimum, written: Sequence[str]) -> FloatArray:
+        """Return what all of a set but frames and some move the readings by (n, 3) [m]."""
+        candidate = self.judged.posterior.candidate
+        gone = {k for k in whole.keys if candidate(k).sort is Sort.FRAME} | set(written)
+        total = np.zeros_like(self.at.z)
+        if not gone >= set(whole.keys):
+            total += sum(m for k, m in self._fitted(whole)[0].items() if k not in gone)
         return total
 
     def faults(self) -> BoolArray:
@@ -261,38 +275,6 @@ class _AllRows:
         if bad[sound].mean() > _MOST_FAULTS:
             bad &= self.size > np.quantile(self.size[sound], 1.0 - _MOST_FAULTS)
         return np.asarray(bad | self.gross)
-
-
-def _all_rows(judged: Judged, whole: Optimum) -> _AllRows:
-    """Return a set at its scales, on all rows."""
-    of, problem = judged.posterior, judged.posterior.problem
-    n = len(problem)
-    free = free_of(of, [k for k in whole.keys if _has_effect(of.candidate(k))], whole)
-    gross = gross_faults(problem.gap)
-    rows = np.flatnonzero(thinned(~gross))
-    inside = problem.searchable[rows]
-    in_search = of.moved(whole, [k for k in whole.keys if not _has_effect(of.candidate(k))])
-    place = np.full(n, -1)
-    place[of.at.index] = np.arange(len(of.at.index))
-    weight = np.where(inside, of.weight[place[rows]], 0.0)
-    measured = problem.measured[rows] - in_search[place[rows]]
-    by = problem.by(weight / whole.sigma, rows)
-    found = fit(problem.samples.rows(rows), measured, by, problem.given, free)
-    at = Linearised.at(problem, np.arange(n), found.states)
-    candidates = [_at(c, at, judged) for c in map(of.candidate, whole.keys)]
-    weight = np.zeros(n)
-    weight[rows] = 1.0
-    for _ in range(2):
-        equations = Equations.of(candidates, at.z, row_roots(problem, np.arange(n), weight))
-        here = optimum(equations, whole.keys, of.prior, whole, held=True)
-        moved = {c.key: c.X @ here.theta[here.part(equations, c.key)] for c in candidates}
-        rest = at.z - sum(moved.values(), np.zeros_like(at.z))
-        size = problem.size(rest)
-        # few rows beside many numbers lie closer to the fit than they scatter
-        level = max(here.sigma, of.level.sigma if of.level.known else 0.0)
-        sigma = max(robust_sigma(size[~gross]), level)
-        weight = np.where(weight > 0.0, student(size / sigma), 0.0)
-    return _AllRows(of, moved, size / sigma, gross)
 
 
 def _has_effect(candidate: Candidate) -> bool:

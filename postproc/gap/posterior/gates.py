@@ -17,10 +17,10 @@ from dataclasses import replace
 import numpy as np
 
 from postproc.arrays import FloatArray, IntArray
+from postproc.gap.data import Designs
 from postproc.gap.fit import Noise, Projection
 from postproc.gap.posterior.chosen import Posterior
 from postproc.gap.posterior.classes import LOUD, Part, groups_of, wandering
-from postproc.gap.posterior.designs import Designs, designs
 from postproc.gap.posterior.evidence import Optimum, held_out, left_out, optimum
 from postproc.gap.posterior.likelihood import row_roots
 from postproc.gap.posterior.names import Name, names_of, unique_part
@@ -279,7 +279,7 @@ def _divisions(of: Posterior) -> list[tuple[Designs, bool]]:
     found = [
         (_numbered(parts.fold[index], "place"), False),
         (_numbered(parts.stretch[index], "time"), False),
-        (designs(problem.samples, problem.measurements.group).rows(index), True),
+        (problem.design.rows(index), True),
     ]
     if len(problem.set_ups.stations) > 1:
         label = problem.set_ups.station[index]
@@ -323,7 +323,7 @@ def _held(
 
 def _elsewhere(of: Posterior, result: Judged) -> dict[str, dict[str, float]]:
     """Return what each name brings on each design that it was not fitted to [nats]."""
-    label = designs(of.problem.samples, of.problem.measurements.group).rows(of.at.index)
+    label = of.problem.design.rows(of.at.index)
     if len(label) < 2:
         return {}
     keys = {name.name: name.keys for name in result.adopted}

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from postproc.arrays import FloatArray, IntArray, Rows
-from postproc.gap.data import Samples
+from postproc.gap.data.dataset import Samples
 from postproc.records import dataclass
 from postproc.units import DEG
 
@@ -110,16 +110,21 @@ def _sweeps(q: FloatArray) -> IntArray:
 
 def _orientations(samples: Samples) -> IntArray:
     """Return (n,) the number 1.. of a tool orientation that many rows at other places share."""
+    from scipy.spatial import cKDTree
+
     R = samples.frames[:, 6, :3, :3].reshape(len(samples), 9)
     left = np.ones(len(R), dtype=bool)
     out = np.zeros(len(R), dtype=np.int32)
     centres: list[FloatArray] = []
     # a rotation by a small angle moves the nine numbers by sqrt(2) times it
-    limit = (2.0**0.5 * _ALIKE) ** 2
-    for row in range(len(R)):
+    tree, radius = cKDTree(R), 2.0**0.5 * _ALIKE
+    few = min(FEWEST, len(R))
+    away = np.asarray(tree.query(R, k=[few], distance_upper_bound=radius)[0])[:, 0]
+    for row in np.flatnonzero(away < radius):
         if not left[row]:
             continue
-        near = np.flatnonzero(left & (np.sum((R - R[row]) ** 2, axis=1) < limit))
+        near = np.array(tree.query_ball_point(R[row], radius))
+        near = near[left[near]]
         left[row] = False
         spread = float(np.ptp(samples.point[near], axis=0).max())
         if len(near) >= FEWEST and spread > _APART:
