@@ -59,7 +59,7 @@ def test_rows_left_out_are_missed_as_by_a_fit_without_them(
     free = {"joint_compliance": Free({})} | frames_of(problem)
     label = (np.arange(len(problem)) % 6).astype(np.int32)
     whole = Named.of(problem, free, NOISE, everything, beside)
-    told = whole.missed(label)
+    told = whole.missed(whole.tangent.parted(label))
     fitted = np.linalg.norm(problem.measured - whole.fit.point, axis=1)
     for k in range(6):
         here = label == k

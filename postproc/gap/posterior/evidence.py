@@ -315,15 +315,21 @@ def held_out(
     return found
 
 
-def left_out(equations: Equations, at: Optimum, label: IntArray) -> float:
-    """Return by how much rows are missed by fits without their label, 3D rms [m]; scales stay."""
+def left_out(equations: Equations, at: Optimum, label: IntArray) -> tuple[float, float]:
+    """Return by how much rows are missed by fits without their label, scales staying.
+
+    Returns:
+        3D rms [m]; and the sd [m] of a reading that tells it, beside what the numbers leave open.
+    """
     index = equations.among(at.keys)[0]
     A, z = equations.A[:, index], equations.z
-    prior, square = (at.sigma / at.deviation) ** 2, 0.0
+    prior, square, open_ = (at.sigma / at.deviation) ** 2, 0.0, 0.0
     for _, P, q, others, told in _without_each(A, z, prior, label[equations.row]):
-        theta = np.linalg.solve(others, told)
-        square += float(np.sum((q - P @ theta) ** 2))
-    return float(np.sqrt(square / max(len(np.unique(equations.row)), 1)))
+        found = np.linalg.solve(others, np.column_stack([told, P.T]))
+        square += float(np.sum((q - P @ found[:, 0]) ** 2))
+        open_ += float(np.sum(P.T * found[:, 1:]))
+    rows = max(len(np.unique(equations.row)), 1)
+    return float(np.sqrt(square / rows)), float(np.sqrt(square / (len(z) + open_)))
 
 
 def _without_each(

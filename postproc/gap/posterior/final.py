@@ -17,7 +17,7 @@ from postproc.gap.effect import Kind
 from postproc.gap.fit import WIDE, Fit, Free, Parted, Problem, Tangent, fit, gross_faults
 from postproc.gap.posterior.chosen import free_of
 from postproc.gap.posterior.classes import groups_of
-from postproc.gap.posterior.evidence import Optimum, optimum
+from postproc.gap.posterior.evidence import NoisePrior, Optimum, left_out, optimum
 from postproc.gap.posterior.gates import Judged
 from postproc.gap.posterior.likelihood import Linearised, row_roots, student
 from postproc.gap.posterior.prior import Candidate, Sort, of_effect, of_group, wander
@@ -90,14 +90,15 @@ class Named:
         Args:
             names: of effects that alone are fitted beside the frames; None: all.
         """
-        square = [self._missed(parted, names) ** 2 for parted in (self.place, self.time)]
+        square = [self.missed(parted, names) ** 2 for parted in (self.place, self.time)]
         return np.asarray(np.sqrt(np.mean(square, axis=0)))
 
     def sealed(self) -> FloatArray:
         """Return how far each sealed row (n,) is missed [m] by a fit without any of them."""
-        return self._missed(self.tangent.parted(self.problem.split.sealed.astype(np.int32)))
+        return self.missed(self.tangent.parted(self.problem.split.sealed.astype(np.int32)))
 
-    def _missed(self, parted: Parted, names: Collection[str] | None = None) -> FloatArray:
+    def missed(self, parted: Parted, names: Collection[str] | None = None) -> FloatArray:
+        """Return how far each row (n,) is missed [m] by the fit without the rows of its label."""
         always = self.problem.always
         some = self.full.slices if names is None else dict.fromkeys((*always, *names))
         left = self.problem.onto(parted.missed(some, always))
@@ -186,16 +187,29 @@ def servings(judged: Judged) -> tuple[tuple[Serving, ...], BoolArray]:
     if set(keys) > set(names):
         beside = [k for k in whole.keys if of.candidate(k).is_device and k not in keys]
         inside = dict.fromkeys((*of.search.always, *keys, *beside))
-        at = optimum(of.search.equations, tuple(inside), of.prior, whole)
+        at = _cautious(judged, tuple(inside))
         moved = rows.beside(at, keys) if beside else np.zeros((len(rows.size), 3))
         found.append(Serving(judged, keys, at, moved))
     return tuple(found), rows.faults()
 
 
+def _cautious(judged: Judged, keys: Subset) -> Optimum:
+    """Return a set at its scales, its noise no less than what explains how places are missed.
+
+    Hundreds of numbers lie closer to the rows than they will to others.
+    """
+    of = judged.posterior
+    equations, label = of.search.equations, of.problem.split.fold[of.at.index]
+    at = optimum(equations, keys, of.prior, judged.whole)
+    noise = NoisePrior(left_out(equations, at, label)[1], equations.readings)
+    return optimum(equations, keys, noise, at)
+
+
 def _telling(judged: Judged) -> Subset:
     """Return the candidates that tell most of the arm, each joint's ripple in one form.
 
-    What has no name and follows a logged condition, as temperature, serves no other campaign.
+    Where names do not explain the gap, what has none may be imitating what is in no list, and
+    serves no other campaign: only what every arm has is written beside them.
     """
     of = judged.posterior
     named = {k for n in judged.adopted for k in n.keys}
@@ -203,14 +217,11 @@ def _telling(judged: Judged) -> Subset:
     causes = [k for k in causes if k in named or not of.candidate(k).is_device]
     if judged.verdict in ("explained", "no_gap"):
         return tuple(causes)
-    waves = {k for k in causes if of.candidate(k).waves}
-    in_waves = {joint for k in waves & named for joint in of.candidate(k).waves}
+    waves = {joint for k in named for joint in of.candidate(k).waves}
     every = of.search.equations.candidates
     usual = [c.key for c in every if c.effect is not None and c.effect.is_common]
-    tables = [c for c in every if c.tables and (c.key in named or in_waves.isdisjoint(c.tables))]
-    known = {c.key for c in every if c.effect is not None and not c.effect.unknown_to_programs}
-    stay = [k for k in causes if k in named or (k in known and k not in waves)]
-    return tuple(dict.fromkeys((*stay, *usual, *(c.key for c in tables))))
+    tables = [c.key for c in every if c.tables and waves.isdisjoint(c.tables)]
+    return tuple(dict.fromkeys((*(k for k in causes if k in named), *usual, *tables)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -107,7 +107,7 @@ class Judged:
         search = self.posterior.search
         inside = tuple(dict.fromkeys((*search.always, *keys)))
         held = optimum(search.equations, inside, self.posterior.prior, self.whole, held=True)
-        return left_out(search.equations, held, label)
+        return left_out(search.equations, held, label)[0]
 
     @property
     def told(self) -> tuple[str, ...]:
