@@ -225,7 +225,8 @@ def samples_of_poses(diagnosis: Diagnosis, poses: Sequence[NextPose]) -> Samples
         columns["temperature"] = np.array(now)
     if samples.time is not None:
         columns["time"] = np.full(n, float(samples.time.max()) + _LATER)
-    return make_samples(samples.arm, np.array([pose.q for pose in poses]), **columns)
+    more = {"extra": _as_last(samples, len(poses))}
+    return make_samples(samples.arm, np.array([pose.q for pose in poses]), **columns, **more)
 
 
 def _separations(comparisons: list[_Comparison]) -> dict[str, float]:
@@ -319,7 +320,8 @@ def candidates(diagnosis: Diagnosis, names: tuple[str, ...], reach: Reach) -> Sa
     wide = 0.33 * (high - low) + 40.0 * DEG
     low, high = np.maximum(low - wide, kin.q_min), np.minimum(high + wide, kin.q_max)
     q = np.round(rng.uniform(low, high, (_DRAWN, 6)) / DEG, 5) * DEG
-    pool = make_samples(samples.arm, q, **_conditions(samples, names, rng))
+    drawn = _conditions(samples, names, rng) | {"extra": _as_last(samples, len(q))}
+    pool = make_samples(samples.arm, q, **drawn)
     inside = np.all(
         (pool.point >= samples.point.min(axis=0) - [_BEYOND, _BEYOND, 0.0])
         & (pool.point <= samples.point.max(axis=0) + _BEYOND),
@@ -327,6 +329,11 @@ def candidates(diagnosis: Diagnosis, names: tuple[str, ...], reach: Reach) -> Sa
     )
     pool = pool.rows(np.flatnonzero(inside)[:_CANDIDATES])
     return pool.rows(np.flatnonzero(reach.allows(pool, _from(pool, None))))
+
+
+def _as_last(samples: Samples, count: int) -> dict[str, Any]:
+    """Return what else was logged as it stood last: a rail stays where it is."""
+    return {name: np.repeat(np.asarray(v)[-1:], count) for name, v in samples.extra.items()}
 
 
 def _conditions(
