@@ -114,12 +114,13 @@ def test_rows_that_touch_a_plane_lie_in_it() -> None:
         assert len(here) < 4 or np.linalg.svd(here, compute_uv=False)[2] < 1e-6
 
 
-def test_what_the_instrument_does_is_not_of_the_arm(tmp_path: Path) -> None:
+def test_only_one_set_up_of_the_instrument_is_left_out_for_new_rows(tmp_path: Path) -> None:
     model = tmp_path / "model.toml"
-    text = "[effects.a]\nx = 1\n[instrument.creep]\ny = 2\n[[instrument.z]]\nq = 1\n[told]\nz = 3\n"
+    kept = "[effects.a]\nx = 1\n[instrument.tool_frames]\ny = 2\n[reach]\nz = 3\n"
+    text = kept + "[instrument.tracker_creep]\nq = 1\n[instrument.reflector_creep]\nq = 1\n"
     model.write_text(text, encoding="utf-8")
     arm = running._arm(model).read_text(encoding="utf-8")
-    assert arm == "[effects.a]\nx = 1\n[told]\nz = 3\n"
+    assert arm == kept
 
 
 def test_genuine_rows_and_calm_are_marked() -> None:

@@ -28,7 +28,8 @@ Families
     ``families`` draws campaigns that go wrong in one way each: sizes, few rows, logged conditions,
     genuine rows that look like faults, the instrument, rails, readings of one or two dimensions,
     causes in no list. A row's file may then lack coordinates; new rows always have three.
-    What the model says of the instrument is left out for new rows: they are of another set-up.
+    What creeps in one set-up of the instrument is left out of the model for new rows: they have
+    another. Tools, fixtures and the rail stay: new rows log which, and are moved by them as well.
 New rows
     ``fresh.csv`` has new poses of the same design, ``transfer.csv`` another design: predicted and
     actual shrinkage are compared on the first; neither may get worse by a diagnosis.

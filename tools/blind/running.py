@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from tools.blind.names import INSTRUMENT
 from tools.blind.pages import contradictions
 
 LIMIT_S = 300.0
@@ -77,10 +78,14 @@ def run_case(case: Path, out: Path, answer: Record) -> Record:
 
 
 def _arm(model: Path) -> Path:
-    """Return a model without the tables of the instrument: new rows are of another set-up."""
+    """Return a model without what was of one set-up of the instrument: new rows have another.
+
+    Tools, fixtures and the rail stay what they are, and new rows log which.
+    """
     parts = re.split(r"(?m)^(?=\[)", model.read_text(encoding="utf-8"))
     path = model.with_name("arm.toml")
-    kept = "".join(part for part in parts if not re.match(r"\[+instrument\b", part))
+    gone = "|".join(sorted(INSTRUMENT))
+    kept = "".join(part for part in parts if not re.match(rf"\[+instrument\.({gone})\b", part))
     path.write_text(kept, encoding="utf-8")
     return path
 
