@@ -165,7 +165,8 @@ def spread_of(
     """Return the 3D standard deviations (n,) [m] of points that wrong numbers leave open.
 
     Args:
-        spread: by effect, as in a reach; what cannot act on these rows does not count.
+        spread: by effect, as in a reach; what cannot act on these rows does not count, nor what is
+            not the arm's and in no state.
         samples: rows at the commanded angles.
         states: of all effects that act.
         settings: of effects that are not in the states.
@@ -183,7 +184,8 @@ def spread_of(
     count = max((len(part) for part in spread.values()), default=0)
     moved = np.zeros((count, len(samples), 3))
     for name, part in spread.items():
-        if not all(samples.has(column) for column in effect_of(name).needs):
+        effect = effect_of(name)
+        if not (effect.is_arms or name in states) or not all(map(samples.has, effect.needs)):
             continue
         X, sizes = moving(name)
         if X.shape[2] == part.shape[1]:

@@ -92,6 +92,8 @@ def test_the_instrument_is_named_and_stays_out_of_the_arm(told):
         model, adopted = job.model, set(job.adopted)
         if name and (name not in adopted or set(model.instrument) != {name}):
             wrong.append((name, adopted, tuple(model.instrument)))
+        if name and name not in model.reach.spread:
+            wrong.append((name, "is sure", tuple(model.reach.spread)))
         if name and adopted != {name, *causes}:
             wrong.append((name, "also", adopted - {name, *causes}))
         if any(not effect_of(one).is_arms for one in model.effects):

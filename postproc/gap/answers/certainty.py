@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.gap.answers.diagnose import Diagnosis
-from postproc.gap.robot_model import effect_of, spread_of
+from postproc.gap.robot_model import spread_of
 from postproc.model import Reach
 
 _SHARE = 0.95
@@ -22,12 +22,12 @@ def reach_of(diagnosis: Diagnosis) -> Reach:
     problem, kept = diagnosis.problem, diagnosis.kept
     samples = problem.samples.rows(np.flatnonzero(kept))
     missed = diagnosis.held[:, 1]
-    arms = {n: part for n, part in diagnosis.spread.items() if effect_of(n).is_arms}
-    spread = spread_of(arms, samples, diagnosis.fit.states, problem.settings)
+    spread = spread_of(diagnosis.spread, samples, diagnosis.fit.states, problem.settings)
     square = float(np.mean(missed**2))
     left = float(np.sqrt(max(square - float(np.mean(spread**2)), _LEAST_LEFT * square)))
     ratio = np.sort(missed / np.hypot(left, spread))
     rank = min(int(np.ceil(_SHARE * (len(ratio) + 1))), len(ratio))
     wrench = samples.wrench
     force = 0.0 if wrench is None else float(np.linalg.norm(wrench[:, :3], axis=1).max())
-    return Reach.around(samples.q, force, left, float(ratio[rank - 1]), arms, diagnosis.total[0])
+    factor, moved = float(ratio[rank - 1]), diagnosis.total[0]
+    return Reach.around(samples.q, force, left, factor, diagnosis.spread, moved)
