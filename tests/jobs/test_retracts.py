@@ -257,4 +257,4 @@ def test_a_broken_cut_is_told_once(tmp_path):
     assert not job.files
     (error,) = job.plan.errors
     assert error.code == "PLN102"
-    assert "no cut from tag" in error.message
+    assert "serves the cut from tag" in error.message

@@ -75,7 +75,7 @@ def test_every_array_of_a_toolpath_is_declared_a_column():
 def test_every_array_of_a_plan_is_declared_a_column():
     frames = {"tool": np.zeros(2), "base": np.ones(2)}
     doubt = {"compensation_u95": np.ones(2), "compensation_inside": np.ones(2)}
-    shifts = {"compensation": np.zeros((2, 3)), **doubt}
+    shifts = {"compensation": np.zeros((2, 3)), "shift_along": np.zeros((2, 3)), **doubt}
     plan = replace(plan_of([{}, {}]), **shifts, orientation_speed=np.ones(2), **frames)
     arrays = {name for name, value in values_of(plan).items() if isinstance(value, np.ndarray)}
     assert arrays == {*columns(plan, "move"), *columns(plan, "tag")}

@@ -15,7 +15,8 @@ def broken_at(seed, margin=None):
     toolpath, cell = random_case(seed)
     if margin is not None:
         cell = replace(cell, limits=replace(cell.limits, joint_margin=margin))
-    return [error for error in plan(toolpath, cell).errors if "no cut from" in error.message]
+    errors = plan(toolpath, cell).errors
+    return [error for error in errors if "serves the cut from" in error.message]
 
 
 def test_a_joint_limit_is_named_with_what_it_lacks():

@@ -199,7 +199,7 @@ BROKEN = [
     ("a wait is left out", Hasty),
     ("a path speed is left out", Slow),
     ("the tool is not where the plan has it", Rough),
-    ("its own program fails: .* not all 72 moves", Short),
+    ("its own program fails: .* all 72 moves", Short),
     ("does not see a move that goes elsewhere", Remembering),
     ("does not see a move that goes elsewhere", Trusting),
     ("fails with KeyError", Patient),
