@@ -23,7 +23,8 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from postproc.cell import Cell
-from postproc.compensation.along import BLOCK, Follower, run_of
+from postproc.compensation.along import BLOCK, Follower
+from postproc.compensation.drive import run_of
 from postproc.compensation.pieces import SAMPLE_STEP, SHORTEST, in_pieces
 from postproc.compensation.real_arm import RealArm, left_out
 from postproc.compensation.reversals import Sides, sides_of

@@ -15,7 +15,8 @@ import numpy as np
 
 from postproc.arrays import AT_ONCE, ROUNDING, BoolArray, FloatArray
 from postproc.cell import Cell, Tool
-from postproc.compensation.along import driven, split
+from postproc.compensation.along import split
+from postproc.compensation.drive import driven
 from postproc.gap import EFFECTS, RobotModel, effect_of, stiffness_of
 from postproc.geometry import apply
 from postproc.kinematics import Kinematics, build

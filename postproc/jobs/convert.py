@@ -570,15 +570,14 @@ def _along(told: AlongPath | None) -> dict[str, Any]:
         return {}
     own = {"plain_rms_mm": told.plain_rms, "plain_max_mm": told.plain_max}
     own |= {"rms_mm": told.rms, "max_mm": told.max}
-    rest = (told.rest_rms, told.rest_low, told.rest_high)
-    expected, low, high = (float(np.hypot(told.rms, r)) for r in rest)
+    expected = float(np.hypot(told.rms, told.rest_rms))
     plain = float(np.hypot(told.plain_rms, told.rest_rms))
     own |= {"expected_rms_mm": expected, "expected_plain_rms_mm": plain}
     # the check of the text looks past what is left along the path
     off = {"max": told.max, "rms": expected}
     points = {f"expected_{n}_position_error_mm": round(v / MM, 6) for n, v in off.items()}
     rows = {name: round(value / MM, 6) for name, value in own.items()}
-    ends = [round(v / MM, 6) if np.isfinite(v) else None for v in (low, high)]
+    ends = [round(v / MM, 6) if np.isfinite(v) else None for v in (told.low, told.high)]
     path = {"effects": list(told.effects), **rows, "expected_rms_ci_mm": ends}
     return {**points, "along_path": path}
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from postproc.cell import Cell
+from postproc.compensation import split
 from postproc.files import write_files
 from postproc.gap import (
     Along,
@@ -98,7 +100,15 @@ class DiagnosisJob(Paged):
     @property
     def model(self) -> ModelFile:
         """The given model plus what was adopted."""
-        return model_file(self.diagnosis, self.given, self.cell.tool, self.accepted)
+        found = self._at_rest
+        given = {} if self.given is None else self.given.effects
+        return replace(found, effects={**given, **found.effects})
+
+    @property
+    def _at_rest(self) -> ModelFile:
+        """The model without what a recorded path has shown."""
+        given = None if self.given is None else split(self.given)[0]
+        return model_file(self.diagnosis, given, self.cell.tool, self.accepted)
 
     def page(self) -> bytes:
         """Return the page: one HTML file that opens offline."""
@@ -125,7 +135,8 @@ class DiagnosisJob(Paged):
         keep_readings(folder)
         model = self.model
         files = {"report.html": self.page(), "model.toml": save_model(model)}
-        files["calibrated.urdf"] = calibrated_urdf(build(self.cell.robot), self.cell, model)
+        arm = calibrated_urdf(build(self.cell.robot), self.cell, self._at_rest)
+        files["calibrated.urdf"] = arm
         files |= next_files(self.following, self.diagnosis, self.cell)
         contents = {folder / name: content for name, content in files.items()}
         write_files(contents)
@@ -151,7 +162,7 @@ def diagnose(
     Args:
         measurements: the files.
         cell: robot and tool.
-        model: what the simulation knows already.
+        model: what the simulation knows already; what it says of motions along a path waits.
         register: fit the measured frame and the reflector's place first.
         toolpath: tells where along a CAM file the gap lies.
         progress: called with (done, total, what).
@@ -162,7 +173,8 @@ def diagnose(
     Raises:
         DataError: if a file is wrong or lacks a column, or the campaigns share no rows (GAP008).
     """
-    kinematics = build(cell.robot)
+    kinematics, given = build(cell.robot), model
+    model = None if given is None else split(given)[0]
     whole = bool(before) or self_check_trials > 0
     rows = readings(measurements, kinematics, cell, model, register, any_reading=not whole)
     promise = None
@@ -176,4 +188,4 @@ def diagnose(
     checked = None
     if self_check_trials:
         checked = self_check(diagnosis, cell, model, self_check_trials, progress)
-    return DiagnosisJob(diagnosis, cell, model, path, promise, checked)
+    return DiagnosisJob(diagnosis, cell, given, path, promise, checked)

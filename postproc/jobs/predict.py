@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from postproc.cell import Cell
+from postproc.compensation import split
 from postproc.gap import Prediction
 from postproc.gap import predict as predict_rows
 from postproc.jobs.readings import readings
@@ -21,9 +23,13 @@ def predict(
 ) -> tuple[Prediction, MeasurementSet]:
     """Return the prediction and the rows that it is for; arguments as ``gap.predict``.
 
+    What the model says of motions along a path is left out: rows are read at rest.
+
     Raises:
         DataError: if a file is wrong or lacks a column.
     """
     kinematics = build(cell.robot)
     rows = readings([measurements], kinematics, cell, model, register, every_row=True)
-    return predict_rows(rows, kinematics, cell, model, register), rows
+    still, moving = (None, {}) if model is None else split(model)
+    told = predict_rows(rows, kinematics, cell, still, register)
+    return replace(told, missing=(*told.missing, *sorted(moving))), rows

@@ -62,8 +62,9 @@ class AlongPath:
     Args:
         effects: names that were taken off.
         plain_rms, plain_max: [m] by them without compensation; rms, max: with it.
-        rest_rms: [m] off the path what no effect explains; rest_low, rest_high: its interval, NaN
-            where nobody knows.
+        rest_rms: [m] off the path what no effect explains.
+        low, high: [m] interval of the root mean square of all with compensation, NaN where nobody
+            knows.
     """
 
     effects: tuple[str, ...]
@@ -72,8 +73,8 @@ class AlongPath:
     rms: float
     max: float
     rest_rms: float
-    rest_low: float
-    rest_high: float
+    low: float
+    high: float
 
 
 @dataclass(frozen=True, slots=True)

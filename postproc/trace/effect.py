@@ -73,6 +73,11 @@ class PathEffect(ABC):
         """Return the parameters after a step of the fit."""
         return np.asarray(theta + step)
 
+    def lost(self, theta: FloatArray) -> FloatArray:
+        """Return what each joint (6,) [rad] loses where it turns back."""
+        del theta
+        return np.zeros(6)
+
     def count(self, theta: FloatArray) -> int:
         """Return how many free parameters these are."""
         return len(theta)

@@ -52,7 +52,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     for remark in prediction.remarks:
         session.say(f"{options['measurements']}: {remark.line()}")
     for name in prediction.missing:
-        session.say(f"{options['measurements']}: {name} was left out, its columns are missing")
+        session.say(f"{options['measurements']}: {name} was left out: the rows do not show it")
     session.document(
         {
             "schema": "postproc.prediction/1",

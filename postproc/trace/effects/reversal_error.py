@@ -147,6 +147,10 @@ class ReversalError(PathEffect):
                 pieces += stage.lift(joint, index, some)
         return Part(stage.lifted(joints), pieces)
 
+    def lost(self, theta: FloatArray) -> FloatArray:
+        """Return half gap and spike."""
+        return np.abs(theta[_HALF]) + np.abs(theta[_SPIKE])
+
     def widths(self, theta: FloatArray) -> FloatArray:
         """Return a twentieth of a degree; any length and delay is as likely."""
         widths = np.full(len(theta), 0.05 * DEG)
