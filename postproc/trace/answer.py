@@ -272,7 +272,8 @@ class PathDiagnosis:
     @property
     def left_off_path(self) -> dict[str, Any]:
         """What the adopted effects leave off the path, as a table: with its interval."""
-        off = contour_error(self.scene, self.scene.points + self.rest)[:, None]
+        places = (p.value for p in self.planned if p.is_place and p.name in self.adopted)
+        off = self._off_path(self.rest, sum(places, np.zeros_like(self.gap)))[:, None]
         off = off * self.judged[:, None]
         block = np.arange(len(off)) * STRETCHES // len(off)
         share = _proof("", "", np.ones_like(off) * self.judged[:, None], off, block)
@@ -285,13 +286,16 @@ class PathDiagnosis:
     @cached_property
     def contour(self) -> FloatArray:
         """(n,) [m] distance of the tool point from the commanded path."""
-        actual = self.scene.points + self.gap
-        if self.match is not None:
-            # what the planner does is off the program, not off the command
-            off = np.linalg.norm(self.match.off, axis=1)
-            from_command = contour_error(self.scene, actual - self.match.off)
-            return np.asarray(np.maximum(from_command, off))
-        return contour_error(self.scene, actual)
+        return self._off_path(self.gap, np.zeros_like(self.gap))
+
+    def _off_path(self, gap: FloatArray, planned: FloatArray) -> FloatArray:
+        """Return how far (n,) [m] a gap is off the path, less what is known of the planner."""
+        if self.match is None:
+            return contour_error(self.scene, self.scene.points + gap)
+        # what the planner does is off the program, not off the command
+        off = self.match.off - planned
+        from_command = contour_error(self.scene, self.scene.points + gap - off)
+        return np.asarray(np.maximum(from_command, np.linalg.norm(off, axis=1)))
 
 
 def _filled(stage: Stage, verdict: Verdict) -> FloatArray:
