@@ -14,7 +14,7 @@ import {
   Vector3,
 } from "./three.bundle.js";
 
-const MANY = 3000; // above it marks are coarse
+export const MANY = 3000; // above it marks are coarse, and lines while the view turns
 
 // ends: flat array of segments, 6 numbers each; returns the lines and paint(i => colour)
 export function lineSegments(ends) {
@@ -50,7 +50,19 @@ export function standCone(target, point, axis, size) {
   return target.setPosition(new Vector3(...point).addScaledVector(towards, -1.5 * size));
 }
 
-// Cones whose tips stand at points, balls where axes is null; returns the mesh and paint(i => colour).
+// segments of a length from points along their axes
+function needleEnds(points, axes, length) {
+  const ends = new Float32Array(2 * points.length);
+  for (let k = 0; k < points.length; k++) {
+    const at = 6 * Math.floor(k / 3) + (k % 3);
+    ends[at] = points[k];
+    ends[at + 3] = points[k] + length * axes[k];
+  }
+  return ends;
+}
+
+// Cones whose tips stand at points, balls where axes is null; returns the mesh, what
+// stands in for it while the view turns (null of few marks) and paint(i => colour).
 export function pointMarks(points, axes, size) {
   const n = points.length / 3;
   const many = n > MANY;
@@ -58,6 +70,7 @@ export function pointMarks(points, axes, size) {
   const mesh = new InstancedMesh(shapeOf(size, many, axes !== null), material, Math.max(1, n));
   mesh.count = n;
   mesh.frustumCulled = false;
+  const needles = many && axes ? lineSegments(needleEnds(points, axes, 3 * size)) : null;
   const place = new Matrix4();
   const colour = new Color(0x888888);
   for (let i = 0; i < n; i++) {
@@ -70,6 +83,7 @@ export function pointMarks(points, axes, size) {
   const paint = (colourOf) => {
     for (let i = 0; i < n; i++) mesh.setColorAt(i, colour.setRGB(...colourOf(i), "srgb"));
     if (n) mesh.instanceColor.needsUpdate = true;
+    needles?.paint(colourOf);
   };
-  return { mesh, paint };
+  return { mesh, coarse: needles && [needles.lines], paint };
 }

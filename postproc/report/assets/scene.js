@@ -18,7 +18,8 @@ import {
   WebGLRenderer,
 } from "./three.bundle.js";
 import { Arm } from "./arm.js";
-import { lineSegments, pointMarks } from "./marks.js";
+import { Drawing } from "./drawing.js";
+import { lineSegments, MANY, pointMarks } from "./marks.js";
 import { Solids } from "./solids.js";
 import { Tips } from "./tips.js";
 import { viewOf } from "./views.js";
@@ -46,7 +47,7 @@ class SceneView {
   #solids;
   #ball;
   #meeting;
-  #asked = false;
+  #drawing;
   #fitted = null;
   #tips = null;
   #removals = [];
@@ -56,6 +57,10 @@ class SceneView {
     this.#renderer = renderer;
     renderer.setPixelRatio(Math.min(2, window.devicePixelRatio || 1));
     host.append(renderer.domElement);
+    this.#drawing = new Drawing(renderer.getContext(), () => {
+      renderer.render(this.#scene, this.#camera);
+      this.#tips?.label((point) => this.#inView(point));
+    });
     const dark = window.matchMedia("screen and (prefers-color-scheme: dark)");
     const paint = () => {
       this.#scene.background = new Color(dark.matches ? DARK : LIGHT);
@@ -64,11 +69,8 @@ class SceneView {
     dark.addEventListener("change", paint);
     this.#camera.up.set(0, 0, 1);
     this.#controls = new OrbitControls(this.#camera, renderer.domElement);
-    this.#controls.addEventListener("change", () => this.#draw());
-    renderer.domElement.tabIndex = 0;
-    const keys = "3D view: arrows turn, + and - zoom, 0 shows all";
-    renderer.domElement.setAttribute("aria-label", keys);
-    renderer.domElement.addEventListener("keydown", (event) => this.#key(event));
+    this.#drawing.follow(this.#controls);
+    this.#hearKeys(renderer.domElement);
     this.#part.matrixAutoUpdate = false;
     this.#scene.add(this.#part);
     this.#addLights();
@@ -190,27 +192,22 @@ class SceneView {
   // adds segments in the workpiece; returns paint(i => colour) and remove()
   addSegments(ends) {
     const { lines, paint } = lineSegments(ends);
-    this.#part.add(lines);
-    const remove = () => {
-      lines.removeFromParent();
-      lines.geometry.dispose();
-    };
+    const remove = this.#drawing.show(this.#part, lines, ends.length > 6 * MANY ? [] : null);
     this.#removals.push(remove);
-    return { paint: this.#drawing(paint), remove };
+    return { paint: this.#painting(paint), remove };
   }
 
   // adds cones, or balls where axes is null; returns paint(i => colour); a click gives the index
   addMarks(points, axes, size, onPick) {
-    const { mesh, paint } = pointMarks(points, axes, size);
-    this.#part.add(mesh);
+    const { mesh, coarse, paint } = pointMarks(points, axes, size);
+    const remove = this.#drawing.show(this.#part, mesh, coarse);
     const listening = new AbortController();
     this.#pick(mesh, onPick, listening);
     this.#removals.push(() => {
       listening.abort();
-      mesh.removeFromParent();
-      mesh.geometry.dispose();
+      remove();
     });
-    return { paint: this.#drawing(paint) };
+    return { paint: this.#painting(paint) };
   }
 
   // takes paths and marks away
@@ -227,7 +224,7 @@ class SceneView {
     this.#draw();
   }
 
-  #drawing(paint) {
+  #painting(paint) {
     return (colourOf) => {
       paint(colourOf);
       this.#draw();
@@ -304,6 +301,12 @@ class SceneView {
     this.#draw();
   }
 
+  #hearKeys(canvas) {
+    canvas.tabIndex = 0;
+    canvas.setAttribute("aria-label", "3D view: arrows turn, + and - zoom, 0 shows all");
+    canvas.addEventListener("keydown", (event) => this.#key(event));
+  }
+
   // arrows turn about what is looked at, + and - go nearer and away, 0 shows all again
   #key(event) {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
@@ -340,15 +343,8 @@ class SceneView {
     this.#scene.add(new HemisphereLight(0xffffff, 0x8a949e, 2.2), sun);
   }
 
-  // draws once before the next frame, however often it is asked
   #draw() {
-    if (this.#asked) return;
-    this.#asked = true;
-    requestAnimationFrame(() => {
-      this.#asked = false;
-      this.#renderer.render(this.#scene, this.#camera);
-      this.#tips?.label((point) => this.#inView(point));
-    });
+    this.#drawing.ask();
   }
 
   #resize() {
