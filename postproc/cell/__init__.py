@@ -40,7 +40,6 @@ from postproc.cell.edit import (
 from postproc.cell.file import cell_toml, load_cell, parse_cell
 from postproc.cell.forms import cam_key
 from postproc.cell.instrument import Instrument
-from postproc.cell.options import KrlOptions, Optimize, Reading, TiltRange
 from postproc.cell.reference import cell_reference
 from postproc.cell.robotfile import (
     KUKA_OFFSETS_DEG,
@@ -56,6 +55,7 @@ from postproc.cell.robotfile import (
     same_type,
     type_of,
 )
+from postproc.cell.schema import KrlOptions, Optimize, Reading, TiltRange
 from postproc.cell.text import cell_text
 from postproc.cell.urdf import (
     expanded,

@@ -14,7 +14,7 @@ from postproc.cell.choices import (
     RobotSolids,
 )
 from postproc.cell.instrument import Instrument
-from postproc.cell.options import KrlOptions, Limits, Motion, Optimize, Process, Reading
+from postproc.cell.schema import KrlOptions, Limits, Motion, Optimize, Process, Reading
 from postproc.errors import CellError, SourceRef
 from postproc.records import dataclass
 from postproc.units import STANDARD_GRAVITY

@@ -22,17 +22,8 @@ from postproc.cell.cell import (
     Workpiece,
 )
 from postproc.cell.complaint import complaint, dotted
-from postproc.cell.forms import cam_key, check_forms, hole_steps
+from postproc.cell.forms import cam_key, check_forms, routines
 from postproc.cell.instrument import in_m, instrument_of
-from postproc.cell.options import (
-    Motion,
-    krl_of,
-    limits_of,
-    motion_of,
-    optimize_of,
-    process_of,
-    reading_of,
-)
 from postproc.cell.robotfile import (
     LENGTHS,
     assumed_acceleration,
@@ -44,6 +35,8 @@ from postproc.cell.schema import (
     CellFile,
     DimensionsTable,
     ExternalAxisTable,
+    KrlOptions,
+    Motion,
     Placement,
     RobotTable,
     Solid,
@@ -127,17 +120,17 @@ class _Builder:
             tools=self._tools(),
             bases=self._bases(),
             obstacles=self._solids(file.obstacles, ("obstacles",), "obstacle"),
-            limits=limits_of(file.limits),
-            optimize=optimize_of(file.optimize),
-            process=process_of(file.process),
+            limits=file.limits,
+            optimize=file.optimize,
+            process=file.process.load,
             motion=self._motion(robot),
-            krl=replace(krl_of(file.krl, hole_steps(file.process)), template=self._template()),
-            reading=reading_of(file.reading),
+            krl=self._krl(),
+            reading=file.reading,
             accept=tuple(file.verify.accept),
             external_axes=tuple(_external_axis(axis) for axis in file.external_axes),
             measuring_sigma=in_m(file.measuring.sigma_mm),
             instrument=instrument_of(file.measuring),
-            origins=_origins(file, robot),
+            origins=_origins(file, robot, self.toml),
         )
 
     def _robot(self) -> Robot:
@@ -191,8 +184,8 @@ class _Builder:
     def _tools(self) -> tuple[Tool, ...]:
         file = self.file
         if not file.tools:
-            return (self._tool(file.tool, ("tool",), file.krl.inertia_kg_m2),)
-        shared = file.krl.inertia_kg_m2
+            return (self._tool(file.tool, ("tool",), file.krl.inertia),)
+        shared = file.krl.inertia
         found = []
         for i, table in enumerate(file.tools):
             stand = None if table.stand is None else _transform(table.stand)
@@ -200,7 +193,7 @@ class _Builder:
             found.append(replace(own, T_world_stand=stand))
         return tuple(found)
 
-    def _tool(self, table: ToolTable, at: Location, inertia: list[float] | None) -> Tool:
+    def _tool(self, table: ToolTable, at: Location, inertia: Sequence[float] | None) -> Tool:
         T_flange_tcp = _transform(table.frame)
         axis = None if table.axis is None else AXES[table.axis]
         meshes = self._solids(table.meshes, (*at, "meshes"), "tool")
@@ -239,7 +232,7 @@ class _Builder:
         )
 
     def _motion(self, robot: Robot) -> Motion:
-        motion = motion_of(self.file.motion)
+        motion = self.file.motion
         if motion.home is not None:
             outside = np.flatnonzero((motion.home < robot.q_min) | (motion.home > robot.q_max))
             for axis in outside[:1]:
@@ -251,6 +244,11 @@ class _Builder:
                     self.toml.source(("motion", "home_deg")),
                 )
         return motion
+
+    def _krl(self) -> KrlOptions:
+        krl = self.file.krl
+        hooks = routines(krl.hooks, self.file.process.hole_steps)
+        return replace(krl, hooks=hooks, template=self._template())
 
     def _template(self) -> str:
         """Return the name of a built-in template, or the whole path of a folder of one's own."""
@@ -377,17 +375,18 @@ def _external_axis(table: ExternalAxisTable) -> ExternalAxis:
     )
 
 
-def _origins(file: CellFile, robot: Robot) -> dict[str, Origin]:
+def _origins(file: CellFile, robot: Robot, toml: TomlText) -> dict[str, Origin]:
     """Return for each key of the file whether it was given or is a default."""
     given = Origin(Provenance.USER, "cell file")
     default = Origin(Provenance.ASSUMED, "default of postproc, not in the cell file")
     origins: dict[str, Origin] = {}
     for table_name, field in CellFile.model_fields.items():
-        table = getattr(file, table_name)
-        if isinstance(table, Table):
-            for key in type(table).model_fields:
-                is_given = table_name in file.model_fields_set and key in table.model_fields_set
-                origins[f"{field.alias or table_name}.{key}"] = given if is_given else default
+        name = field.alias or table_name
+        kind: Any = field.annotation
+        is_table = isinstance(kind, type) and issubclass(kind, Table)
+        for key in kind.model_fields if is_table else ():
+            is_given = key in toml.data.get(name, {})
+            origins[f"{name}.{key}"] = given if is_given else default
     if "joint_stiffness" in robot.origins:
         origins["stiffness.joint_Nmm_per_rad"] = robot.origins["joint_stiffness"]
     return origins

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
-from postproc.cell.schema import CellFile, HooksTable, ProcessTable, ToolTable, WorkpieceTable
+from postproc.cell.schema import CellFile, HooksTable, ToolTable, WorkpieceTable
 from postproc.errors import CellError
 from postproc.names import is_legal
 from postproc.toml import Location, TomlText
 
-UNIT_STEPS = ("clamp", "drill", "unclamp")
-"""What is called at each hole that the end effector drills, where the cell does not say."""
 _FORMS = (("tool", "tools", "TOOL"), ("workpiece", "bases", "BASE"))
 
 
@@ -47,22 +45,15 @@ def check_forms(toml: TomlText, file: CellFile) -> None:
         _told_apart(toml, form, what, entries)
     _check_hooks(toml, file)
     _check_routines(toml, file)
-    if len(file.tools) > 1 and file.krl.inertia_kg_m2 is not None:
+    if len(file.tools) > 1 and file.krl.inertia is not None:
         at: Location = ("krl", "inertia_kg_m2")
         text = "krl.inertia_kg_m2 is of one tool: give each of tools its own inertia_kg_m2"
         raise CellError("CEL012", text, toml.source(at))
 
 
-def hole_steps(table: ProcessTable) -> tuple[str, ...]:
-    """Return the names of the routines that are called at each hole."""
-    if table.hole is None:
-        return UNIT_STEPS if table.feed_by == "unit" else ()
-    return tuple(table.hole)
-
-
 def _check_hooks(toml: TomlText, file: CellFile) -> None:
     """Refuse routines of nothing, and steps of a hole that mean something else."""
-    steps, own = hole_steps(file.process), HooksTable.model_fields
+    steps, own = file.process.hole_steps, HooksTable.model_fields
     if file.process.feed_by == "unit" and not steps:
         text = 'process.hole is empty: with feed_by = "unit" nothing would drill'
         raise CellError("CEL014", text, toml.source(("process", "hole")))
@@ -71,8 +62,8 @@ def _check_hooks(toml: TomlText, file: CellFile) -> None:
             why = "appears twice" if name not in own else "is called by the CAM file"
             source = toml.source(("process", "hole", place))
             raise CellError("CEL014", f"process.hole: {name!r} {why}", source)
-    for name in file.krl.hooks.model_extra or {}:
-        if name not in steps:
+    for name in file.krl.hooks:
+        if name not in own and name not in steps:
             known = sorted([*own, *steps])
             nearest = difflib.get_close_matches(name.lower(), known, n=1, cutoff=0.0)[0]
             raise CellError(
@@ -82,23 +73,21 @@ def _check_hooks(toml: TomlText, file: CellFile) -> None:
                 hint=f"keys known here: {', '.join(known)}",
             )
     every = routines(file.krl.hooks, steps)
-    for name in file.krl.hooks.stops_advance or ():
+    for name in file.krl.stops_advance or ():
         if name not in every:
             text = f"krl.hooks.stops_advance: no routine {name!r}, expected of {', '.join(every)}"
             raise CellError("CEL014", text, toml.source(("krl", "hooks", "stops_advance")))
 
 
-def routines(hooks: HooksTable, hole: Sequence[str]) -> dict[str, str]:
+def routines(hooks: Mapping[str, str], hole: Sequence[str]) -> dict[str, str]:
     """Return the routine of each hook and of each step of a hole, by its key in krl.hooks."""
-    return {name: f"PP_{name.upper()}" for name in hole} | hooks.model_dump(
-        exclude={"stops_advance"}, exclude_none=True
-    )
+    return {name: f"PP_{name.upper()}" for name in hole} | dict(hooks)
 
 
 def _check_routines(toml: TomlText, file: CellFile) -> None:
     """Refuse routines that KRL takes for something else, and one routine for two things."""
     keys: dict[str, str] = {}
-    for key, name in routines(file.krl.hooks, hole_steps(file.process)).items():
+    for key, name in routines(file.krl.hooks, file.process.hole_steps).items():
         at: Location = ("krl", "hooks", key)
         if not is_legal(name):
             text = f"krl.hooks.{key}: {name!r} is a KRL word, expected another name"

@@ -12,7 +12,7 @@ from annotated_types import Ge, Gt, Le, MaxLen, MinLen
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from postproc.cell.schema import CellFile, default_of
+from postproc.cell.schema import CellFile
 
 _WORDS = {float: "number", int: "whole number", str: "text", bool: "true or false"}
 _HEAD = """# cell.toml
@@ -69,8 +69,9 @@ def _rows(table: type[BaseModel], *, of_tables: bool) -> list[str]:
 def _default(field: FieldInfo) -> str:
     if field.is_required():
         return "required"
-    value = default_of(field)
-    if value is None or isinstance(value, BaseModel) or value == []:
+    value = field.default
+    is_table = value == {} and _inner_table(field.annotation) is not None
+    if value is None or is_table or isinstance(value, BaseModel) or value == []:
         return ""
     return f"`{json.dumps(value)}`"
 

@@ -10,7 +10,7 @@ from typing import Any, get_args
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from postproc.cell.schema import CellFile, Placement, default_of
+from postproc.cell.schema import CellFile, Placement
 from postproc.toml import toml_value
 
 Values = Mapping[str, Any]
@@ -83,7 +83,7 @@ def _entries(
 def _table(
     name: str, kind: type[BaseModel], field: FieldInfo, values: Values | None
 ) -> Iterator[str]:
-    standard = default_of(field)
+    standard = field.default
     is_list = standard == []
     heading = f"[[{name}]]" if is_list else f"[{name}]"
     is_there = not is_list and (values is not None or standard is not None)
@@ -94,14 +94,11 @@ def _table(
     plain: dict[str, FieldInfo] = {}
     for key, entry in kind.model_fields.items():
         table = _table_of(entry)
-        if table is None or issubclass(table, Placement) or default_of(entry) in ([], None):
+        if table is None or issubclass(table, Placement) or entry.default in ([], None):
             plain[key] = entry
         else:
             inner[key] = (table, entry)
-    defaults = standard if isinstance(standard, BaseModel) else None
-    shown = dict(values or {})
-    if defaults is not None:
-        shown = {**defaults.model_dump(include=defaults.model_fields_set), **shown}
+    shown = {**(standard if isinstance(standard, dict) else {}), **(values or {})}
     for line in _keys(plain, shown):
         yield line if is_there or line.startswith("#") else f"# {line}"
     for key, (table, entry) in inner.items():
@@ -110,7 +107,7 @@ def _table(
 
 def _keys(fields: Mapping[str, FieldInfo], values: Values) -> Iterator[str]:
     for key, field in fields.items():
-        value = values.get(key, None if field.is_required() else default_of(field))
+        value = values.get(key, None if field.is_required() else field.default)
         if isinstance(value, BaseModel):
             value = value.model_dump()
         has_value = value not in (None, [], {})

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pydantic import TypeAdapter
 
 from postproc.cell.cell import Cell, MeshPlacement, RobotSolids, Tool, Workpiece
-from postproc.cell.options import Limits, Process, krl_of, motion_of, optimize_of
 from postproc.cell.robotfile import load_robot
-from postproc.cell.schema import KrlTable, MotionTable, OptimizeTable
+from postproc.cell.schema import KrlOptions, Limits, Motion, Optimize, Process, Read
 from postproc.collision.mesh import Mesh, box, cylinder, joined, loft, ring
 from postproc.geometry.frames import transform
 from postproc.kinematics import build
@@ -78,10 +78,10 @@ def cell_of(
         bases=(Workpiece(1, T_robroot_base, tuple(workpiece)),),
         obstacles=tuple(obstacles),
         limits=Limits(0.0, 0.0, clearance, contact_depth),
-        optimize=optimize_of(OptimizeTable()),
+        optimize=TypeAdapter(Read[Optimize]).validate_python({}),
         process=Process(np.zeros(6)),
-        motion=motion_of(MotionTable()),
-        krl=krl_of(KrlTable()),
+        motion=TypeAdapter(Read[Motion]).validate_python({}),
+        krl=TypeAdapter(Read[KrlOptions]).validate_python({}),
     )
 
 

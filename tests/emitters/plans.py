@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from postproc.cell.cell import Cell, ExternalAxis, OpwGeometry, Robot, Tool, Workpiece
-from postproc.cell.options import Limits, Process, krl_of, motion_of, optimize_of
-from postproc.cell.schema import KrlTable, MotionTable, OptimizeTable
+from postproc.cell.schema import KrlOptions, Limits, Motion, Optimize, Process, Read
 from postproc.geometry.frames import rotation_from_abc, transform
 from postproc.model.plan import MoveKind, MoveRole, Plan
 from postproc.model.toolpath import Event, EventKind, Operation, ToolPath
@@ -39,10 +39,10 @@ def cell(tool_name="spindle", path="cell.toml", **krl) -> Cell:
         bases=(Workpiece(2, transform(np.eye(3), [1.5, 0.0, 0.6])),),
         obstacles=(),
         limits=Limits(0.03, 0.08, 0.0, 0.0),
-        optimize=optimize_of(OptimizeTable()),
+        optimize=TypeAdapter(Read[Optimize]).validate_python({}),
         process=Process(np.zeros(6)),
-        motion=motion_of(MotionTable(feed_mm_min=600.0)),
-        krl=krl_of(KrlTable(**krl)),
+        motion=TypeAdapter(Read[Motion]).validate_python({"feed_mm_min": 600.0}),
+        krl=TypeAdapter(Read[KrlOptions]).validate_python(krl),
     )
 
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pydantic import TypeAdapter
 
 from postproc.cell import parse_cell
-from postproc.cell.options import motion_of
-from postproc.cell.schema import MotionTable
+from postproc.cell.schema import Motion, Read
 from postproc.emitters.kuka.emitter import emit, render_files
 from postproc.errors import CellError
 from postproc.kinematics import build
@@ -26,7 +26,9 @@ NEAR = {"q_deg": plans.HOME / DEG + 3.0, "kind": MoveKind.PTP}
 
 def program(folder, events=(), **krl):
     """A plan from home through a cut and back; the cell, and the files written to a folder."""
-    motion = motion_of(MotionTable(feed_mm_min=600.0, home_deg=list(plans.HOME / DEG)))
+    motion = TypeAdapter(Read[Motion]).validate_python(
+        {"feed_mm_min": 600.0, "home_deg": list(plans.HOME / DEG)}
+    )
     cell = replace(plans.cell(**krl), motion=motion)
     moves = [HOME, NEAR, {"blend_mm": 1.0, "xyz_mm": (20, 0, 0)}, {"xyz_mm": (30, 0, 0)}, HOME]
     files = render_files(emit(plans.plan(moves, events=events), cell))

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pydantic import TypeAdapter
 
 from postproc.cell.cell import Cell, Tool, Workpiece
-from postproc.cell.options import Limits, Process, krl_of, motion_of, optimize_of
 from postproc.cell.robotfile import load_robot
-from postproc.cell.schema import KrlTable, MotionTable, OptimizeTable
+from postproc.cell.schema import KrlOptions, Limits, Motion, Optimize, Process, Read
 from postproc.geometry.frames import transform
 from postproc.model.toolpath import Arcs, MotionKind, ToolPath
 from postproc.units import DEG
@@ -33,7 +33,7 @@ def make_cell(robot):
 
     def make(h=0.362, s=0.107, optimize=None, motion=None, options=None, **changes):
         tool = Tool(1, "spindle", transform(np.eye(3), [s, 0.0, h]), np.array([1.0, 0.0, 0.0]))
-        wishes = optimize_of(OptimizeTable(**(options or {})))
+        wishes = TypeAdapter(Read[Optimize]).validate_python(options or {})
         parts = {
             "name": "test",
             "path": "cell.toml",
@@ -44,8 +44,10 @@ def make_cell(robot):
             "limits": Limits(2.0 * DEG, 5.0 * DEG, 0.0, np.inf),
             "optimize": replace(wishes, **(optimize or {})),
             "process": Process(np.array([0.0, 0.0, -100.0, 0.0, 0.0, 0.0])),
-            "motion": motion_of(MotionTable(**{"feed_mm_min": 600.0} | (motion or {}))),
-            "krl": krl_of(KrlTable()),
+            "motion": TypeAdapter(Read[Motion]).validate_python(
+                {"feed_mm_min": 600.0} | (motion or {})
+            ),
+            "krl": TypeAdapter(Read[KrlOptions]).validate_python({}),
         }
         return Cell(**(parts | changes))
 

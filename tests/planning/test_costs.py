@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from postproc.cell.choices import Index, Preset
-from postproc.cell.options import Process
+from postproc.cell.schema import Process
 from postproc.errors import CellError
 from postproc.kinematics import build
 from postproc.planning.states.costs import (

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from postproc.cell.cell import Tool
-from postproc.cell.options import Limits
+from postproc.cell.schema import Limits
 from postproc.geometry.frames import rotation_x, transform
 from postproc.model.toolpath import MotionKind
 from postproc.planning.planner import plan

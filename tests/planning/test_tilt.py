@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from postproc.cell.cell import Workpiece
-from postproc.cell.options import TiltRange
+from postproc.cell.schema import TiltRange
 from postproc.errors import CellError
 from postproc.geometry.frames import angle_between
 from postproc.model.toolpath import Arcs, Cycle, MotionKind

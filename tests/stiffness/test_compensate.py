@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from postproc.cell.options import Process
+from postproc.cell.schema import Process
 from postproc.compensation.compensate import compensate
 from postproc.compensation.real_arm import RealArm, loads
 from postproc.compensation.solve import solve

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
-from postproc.cell import MotionStyle, TiltRange, parse_cell
+from postproc.cell import MotionStyle, parse_cell
 from postproc.jobs.convert import ConvertRequest, convert, document
 from postproc.krl.text.parse import parse_files
 from postproc.model import Event, EventKind, MotionKind
@@ -119,8 +119,8 @@ def test_a_line_more_left_out_is_caught_where_it_matters(thinned):
 def test_a_tilted_tool_is_held_against_the_feed_directions_of_the_whole_file(spacing):
     """Without the points passed the feed turns otherwise, and with it where lead and side lie."""
     toolpath, cell = contour("wavy", 240, spacing, LEAN), cell_of()
-    tilt = TiltRange((-5.0 * DEG, 10.0 * DEG), (-10.0 * DEG, 3.0 * DEG), 5.0 * DEG)
-    cell = replace(cell, optimize=replace(cell.optimize, tilt=tilt))
+    lead, side = (-5.0 * DEG, 10.0 * DEG), (-10.0 * DEG, 3.0 * DEG)
+    cell = replace(cell, optimize=replace(cell.optimize, lead=lead, side_tilt=side))
     job = made(toolpath, cell)
     assert job.good, [str(finding) for finding in job.findings]
     report = judged(job.files, cell, toolpath)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from postproc.cell.file import load_cell
-from postproc.cell.options import TiltRange
+from postproc.cell.schema import TiltRange
 from postproc.controller import load_program
 from postproc.geometry.frames import rotation_about
 from postproc.model.toolpath import Arcs, Cycle, MotionKind, ToolPath

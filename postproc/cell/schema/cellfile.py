@@ -7,24 +7,28 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from postproc.cell.choices import HomeStyle
-from postproc.cell.schema.krl import KrlTable
-from postproc.cell.schema.motion import MotionTable, ProcessTable
-from postproc.cell.schema.optimize import LimitsTable, OptimizeTable
+from postproc.cell.schema.krl import KrlOptions
+from postproc.cell.schema.motion import Motion, ProcessTable
+from postproc.cell.schema.optimize import Limits, Optimize
 from postproc.cell.schema.robot import ExternalAxisTable, RobotTable
 from postproc.cell.schema.table import (
     EMPTY,
     AxisName,
     CamNames,
     NotNegative,
+    Options,
     Placement,
     Positive,
+    Read,
     SixPositive,
     Solid,
     Table,
     Text,
     ToolSolid,
     Vector,
+    key,
 )
+from postproc.records import dataclass
 
 ALONG_Z: Any = {"axis": "+z"}
 """A tool of which no key is given, for the reason of ``EMPTY``."""
@@ -82,44 +86,48 @@ class ToolEntry(ToolTable):
     )
 
 
-class ImportTable(Table):
+@dataclass(frozen=True, slots=True)
+class Reading(Options):
     """How CAM files are read where the call does not say; the same keys as its options."""
 
-    format: Text = Field(
-        default="auto", description="auto, apt, csv, delmia, gcode or one of postproc plugins"
+    format: str = key("auto", "auto, apt, csv, delmia, gcode or one of postproc plugins", form=Text)
+    dialect: str | None = key(
+        None, "dialect of APT or G-code; default: as the file shows", form=Text
     )
-    dialect: Text | None = Field(
-        default=None, description="dialect of APT or G-code; default: as the file shows"
+    units: str | None = key(
+        None, "unit of length where the CAM file names none", form=Literal["mm", "inch", "m"]
     )
-    units: Literal["mm", "inch", "m"] | None = Field(
-        default=None, description="unit of length where the CAM file names none"
+    columns: str | None = key(
+        None, "columns of a CSV, e.g. id,x,y,z,i,j,k,-,depth; - is none", form=Text
     )
-    columns: Text | None = Field(
-        default=None, description="columns of a CSV, e.g. id,x,y,z,i,j,k,-,depth; - is none"
+    cycle_words: str | None = key(
+        None,
+        "meaning of the numbers of a positional drill cycle, e.g. depth,clearance,feed",
+        form=Text,
     )
-    cycle_words: Text | None = Field(
-        default=None,
-        description="meaning of the numbers of a positional drill cycle, e.g. depth,clearance,feed",
+    feed_units: str | None = key(
+        None,
+        "per minute, where FEDRAT and UNITS of a CAM file contradict",
+        form=Literal["mm", "inch"],
     )
-    feed_units: Literal["mm", "inch"] | None = Field(
-        default=None, description="per minute, where FEDRAT and UNITS of a CAM file contradict"
-    )
-    arc_sense: Literal["ccw", "cw"] | None = Field(
-        default=None,
-        description="way of arcs about their vector where their records leave it open, as half "
+    arc_sense: str | None = key(
+        None,
+        "way of arcs about their vector where their records leave it open, as half "
         "turns do; default: as the rest of the file shows",
+        form=Literal["ccw", "cw"],
     )
-    head: Text | None = Field(
-        default=None,
-        description="rotary axes of the head of the machine that G-code was posted for, from the "
+    head: str | None = key(
+        None,
+        "rotary axes of the head of the machine that G-code was posted for, from the "
         "machine to the tool, each with the sense and CAM axis about which a growing angle turns "
         "the tool: C+z B+y; tip behind them: X, Y, Z are of the tool tip without G43.4 too",
+        form=Text,
     )
-    task: Text | None = Field(
-        default=None, description="DELMIA task to read instead of all that no other one calls"
+    task: str | None = key(
+        None, "DELMIA task to read instead of all that no other one calls", form=Text
     )
-    accept_words: list[Text] = Field(
-        default=[], description="words of CAM files that are known to be harmless; others stop"
+    accept_words: tuple[str, ...] = key(
+        (), "words of CAM files that are known to be harmless; others stop", form=list[Text]
     )
 
 
@@ -200,16 +208,16 @@ class CellFile(Table):
         default=[], description="the setups of a cell with several, instead of workpiece"
     )
     obstacles: list[Solid] = Field(default=[], description="solids in the world")
-    limits: LimitsTable = Field(default=EMPTY, description="margins")
-    optimize: OptimizeTable = Field(default=EMPTY, description="use of the redundancy")
+    limits: Read[Limits] = Field(default=EMPTY, description="margins")
+    optimize: Read[Optimize] = Field(default=EMPTY, description="use of the redundancy")
     process: ProcessTable = Field(default=EMPTY, description="load while working")
     stiffness: StiffnessTable | None = Field(default=None, description="joint stiffness")
     measuring: MeasuringTable = Field(default=EMPTY, description="measuring device of campaigns")
-    motion: MotionTable = Field(default=EMPTY, description="speeds")
-    reading: ImportTable = Field(
+    motion: Read[Motion] = Field(default=EMPTY, description="speeds")
+    reading: Read[Reading] = Field(
         default=EMPTY, alias="import", description="how CAM files are read"
     )
-    krl: KrlTable = Field(default=EMPTY, description="program text")
+    krl: Read[KrlOptions] = Field(default=EMPTY, description="program text")
     verify: VerifyTable = Field(default=EMPTY, description="judging of programs")
     external_axes: Annotated[list[ExternalAxisTable], Field(max_length=6)] = Field(
         default=[], description="rails and positioners; a positioner carries those behind it"
@@ -235,7 +243,7 @@ class CellFile(Table):
         home = self.krl.home
         if home is HomeStyle.AXES:
             return self
-        if self.motion.home_deg is None:
+        if self.motion.home is None:
             raise ValueError(f"krl.home: {home.value} needs home_deg in [motion], found none")
         if self.external_axes:
             raise ValueError(f"krl.home: {home.value} says nothing of external axes: take axes")

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Annotated, Self, cast
 
 from pydantic import ConfigDict, Field, model_validator
 
 from postproc.cell.choices import HomeStyle, Kss, MotionStyle, PointPlace, Split
-from postproc.cell.schema.table import CHOICE, EMPTY, NotNegative, Positive, Table, Text
+from postproc.cell.schema.table import NotNegative, Options, Table, Text, key
 from postproc.names import LETTERS
+from postproc.records import dataclass
 
 KrlName = Annotated[str, Field(pattern=LETTERS)]
 Signal = Annotated[int, Field(ge=1, le=8192)]
@@ -65,81 +68,80 @@ class HooksTable(Table):
     )
 
 
-class KrlTable(Table):
+@dataclass(frozen=True, slots=True)
+class KrlOptions(Options):
     """How programs are written."""
 
-    emitter: Text = Field(
-        default="kuka_krl", description="what writes them; see `postproc plugins`"
+    emitter: str = key("kuka_krl", "what writes them; see `postproc plugins`", form=Text)
+    template: str = key(
+        "default", "built-in template, or a folder relative to the cell file", form=Text
     )
-    template: Text = Field(
-        default="default", description="built-in template, or a folder relative to the cell file"
-    )
-    max_points_per_file: Annotated[int, Field(ge=2)] = Field(
-        default=1000, description="a longer program is split into sub-programs"
-    )
-    split: Annotated[Split, CHOICE] = Field(
-        default=Split.POINTS, description="operations: each operation begins a sub-program"
-    )
-    motion: Annotated[MotionStyle, CHOICE] = Field(
-        default=MotionStyle.DENSE,
-        description="dense: PTP, LIN, CIRC; spline: SPTP, SLIN, SCIRC; spline_block: the same in "
+    max_points_per_file: int = key(1000, "a longer program is split into sub-programs", ge=2)
+    split: Split = key(Split.POINTS, "operations: each operation begins a sub-program")
+    motion: MotionStyle = key(
+        MotionStyle.DENSE,
+        "dense: PTP, LIN, CIRC; spline: SPTP, SLIN, SCIRC; spline_block: the same in "
         "SPLINE blocks; forms: as dense, entries and approaches as inline forms",
     )
-    home: Annotated[HomeStyle, CHOICE] = Field(
-        default=HomeStyle.AXES,
-        description="how home_deg is written: axes: its values; xhome: PTP XHOME; form: the pad's "
+    home: HomeStyle = key(
+        HomeStyle.AXES,
+        "how home_deg is written: axes: its values; xhome: PTP XHOME; form: the pad's "
         "inline form, which selects tool 1. For both XHOME of the controller is home_deg",
     )
-    points: Annotated[PointPlace, CHOICE] = Field(
-        default=PointPlace.INLINE,
-        description="dat: the points stand in the .dat file, to be touched up",
+    points: PointPlace = key(
+        PointPlace.INLINE, "dat: the points stand in the .dat file, to be touched up"
     )
-    kss: Annotated[Kss, CHOICE] = Field(
-        default=Kss.V8_6,
-        description="system software of the controller: 5 (KRC2, no splines), 8.3 and 8.5 (forms "
+    kss: Kss = key(
+        Kss.V8_6,
+        "system software of the controller: 5 (KRC2, no splines), 8.3 and 8.5 (forms "
         "with parameters in their line), 8.6 and 8.7 (in a fold of their own)",
     )
-    advance: Annotated[int, Field(ge=0, le=5)] = Field(
-        default=3, description="$ADVANCE: motions planned ahead; 0 stops at every point"
+    advance: int = key(3, "$ADVANCE: motions planned ahead; 0 stops at every point", ge=0, le=5)
+    orientation_speed: float = key(200.0, "$VEL.ORI1 and ORI2 [deg/s]", "deg_s", gt=0.0, le=400.0)
+    path_speed_max: float = key(
+        2.0, "largest path speed [m/s]: rapids are slowed, a feed is refused", "m_s", gt=0.0, le=3.0
     )
-    orientation_speed_deg_s: Annotated[float, Field(gt=0.0, le=400.0)] = Field(
-        default=200.0, description="$VEL.ORI1 and ORI2 [deg/s]"
-    )
-    path_speed_max_m_s: Annotated[float, Field(gt=0.0, le=3.0)] = Field(
-        default=2.0, description="largest path speed [m/s]: rapids are slowed, a feed is refused"
-    )
-    block_ms: Positive = Field(
-        default=12.0,
-        description="time that the controller needs to plan a motion ahead: points that follow "
+    block: float = key(
+        12.0,
+        "time that the controller needs to plan a motion ahead: points that follow "
         "each other faster are worth a warning [ms]",
+        "ms",
+        gt=0.0,
     )
-    memory_mb: Positive = Field(
-        default=4.0, description="memory for programs: larger ones are worth a warning [MB]"
+    memory: float = key(
+        4.0, "memory for programs: larger ones are worth a warning [MB]", "mb", gt=0.0
     )
-    cam_lines: bool = Field(default=True, description="name the CAM line behind each motion")
-    setup: bool = Field(
-        default=False, description="write NAME_SETUP, which enters tool, base and load data"
+    cam_lines: bool = key(True, "name the CAM line behind each motion")
+    setup: bool = key(False, "write NAME_SETUP, which enters tool, base and load data")
+    hooks_example: bool = key(False, "write PP_HOOKS, an example of the routines of krl.hooks")
+    inertia: tuple[float, ...] | None = key(
+        None,
+        "principal inertia for LOAD_DATA of a cell with one tool [kg*m^2]",
+        "kg_m2",
+        form=Annotated[list[NotNegative], Field(min_length=3, max_length=3)],
     )
-    hooks_example: bool = Field(
-        default=False, description="write PP_HOOKS, an example of the routines of krl.hooks"
+    outputs: Mapping[str, int] = key(
+        {}, "signal of an OLP task to the number of its output: $OUT[n]", form=dict[str, Signal]
     )
-    inertia_kg_m2: Annotated[list[NotNegative], Field(min_length=3, max_length=3)] | None = Field(
-        default=None,
-        description="principal inertia for LOAD_DATA of a cell with one tool [kg*m^2]",
+    inputs: Mapping[str, int] = key(
+        {}, "signal of an OLP task to the number of its input: $IN[n]", form=dict[str, Signal]
     )
-    outputs: dict[str, Signal] = Field(
-        default=EMPTY, description="signal of an OLP task to the number of its output: $OUT[n]"
-    )
-    inputs: dict[str, Signal] = Field(
-        default=EMPTY, description="signal of an OLP task to the number of its input: $IN[n]"
-    )
-    hooks: HooksTable = Field(default=EMPTY, description="routines that programs call")
+    hooks: Mapping[str, str] = key({}, "routines that programs call", form=HooksTable)
+    stops_advance: tuple[str, ...] | None = None
+    """Keys of the hooks whose routines stop the advance run first; None: the cell does not say."""
 
-    @model_validator(mode="after")
-    def _motions_of_kss(self) -> KrlTable:
-        is_spline = self.motion in (MotionStyle.SPLINE, MotionStyle.SPLINE_BLOCK)
-        if is_spline and not self.kss.has_splines:
+    @property
+    def is_spline(self) -> bool:
+        """Whether all motions are the newer ones, which do not blend with the classic ones."""
+        return self.motion in (MotionStyle.SPLINE, MotionStyle.SPLINE_BLOCK)
+
+    def checked(self) -> Self:
+        """Return the options; ValueError for motions that the controller does not have."""
+        if self.is_spline and not self.kss.has_splines:
             raise ValueError(f"motion: {self.motion.value} needs KSS 8, found kss = {self.kss}")
-        if is_spline and self.home is HomeStyle.FORM and not self.kss.has_parameter_folds:
+        if self.is_spline and self.home is HomeStyle.FORM and not self.kss.has_parameter_folds:
             raise ValueError(f"home: form of an SPTP needs KSS 8.6, found kss = {self.kss}")
-        return self
+        table = cast("HooksTable", self.hooks)
+        stops = None if table.stops_advance is None else tuple(table.stops_advance)
+        hooks = table.model_dump(exclude={"stops_advance"}, exclude_none=True)
+        return replace(self, hooks=hooks, stops_advance=stops)

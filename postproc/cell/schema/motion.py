@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+import math
+from collections.abc import Mapping
+from dataclasses import field, replace
+from typing import Annotated, Literal, Self
 
+import numpy as np
 from pydantic import Field, model_validator
 
+from postproc.arrays import FloatArray, frozen_floats
 from postproc.cell.choices import ArcMotion, PathEntry, PointService, SpindleStart
-from postproc.cell.schema.table import CHOICE, NotNegative, Positive, Table, Text
+from postproc.cell.schema.table import CHOICE, Options, Positive, Read, Table, Text, key
+from postproc.records import dataclass
+from postproc.units import PERCENT, RPM
 
 SixAngles = Annotated[
     list[Annotated[float, Field(ge=-720.0, le=720.0)]], Field(min_length=6, max_length=6)
@@ -15,6 +22,9 @@ SixAngles = Annotated[
 
 Loads = Annotated[list[float], Field(min_length=3, max_length=3)]
 HoleStep = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,20}$")]
+
+UNIT_STEPS = ("clamp", "drill", "unclamp")
+"""What is called at each hole that the end effector drills, where the cell does not say."""
 
 
 class OperationLoadTable(Table):
@@ -74,6 +84,26 @@ class ProcessTable(Table):
         return self
 
     @property
+    def hole_steps(self) -> tuple[str, ...]:
+        """Names of the routines that are called at each hole."""
+        if self.hole is None:
+            return UNIT_STEPS if self.feed_by == "unit" else ()
+        return tuple(self.hole)
+
+    @property
+    def load(self) -> Process:
+        """The table in SI units."""
+        return Process(
+            np.array([*self.force_N, *self.moment_Nm]),
+            {load.name: np.array([*load.force_N, *load.moment_Nm]) for load in self.operations},
+            self.hole_steps,
+            self.feed_by == "unit",
+            (self.least_feed_percent or 0.0) * PERCENT,
+            self.started_by,
+            (self.spindle_rpm or 0.0) * RPM,
+        )
+
+    @property
     def started_by(self) -> SpindleStart | None:
         """Who starts the spindle, None where nothing says it."""
         if self.spindle is not None:
@@ -83,77 +113,123 @@ class ProcessTable(Table):
         return None if self.spindle_rpm is None else SpindleStart.PROGRAM
 
 
-class ThinTable(Table):
+@dataclass(frozen=True, slots=True)
+class Process:
+    """Load on the tool while it works: wrench (6,) [N, N*m] ON the tool at and in axes of TCP.
+
+    ``operations``: the wrench (6,) of single operations of the CAM file, by name. ``hole``: names
+    of the routines called at each hole, in order; ``unit_feeds``: the end effector drills while the
+    robot stands; ``least_feed``: lowest share of a feed that the process takes, 0 for any;
+    ``spindle``: who starts it, None: nothing says it; ``spindle_turns``: speed [turns/s] that the
+    program starts it with where a file gives none, 0 without.
+    """
+
+    wrench_tcp: FloatArray
+    operations: Mapping[str, FloatArray] = field(default_factory=dict)
+    hole: tuple[str, ...] = ()
+    unit_feeds: bool = False
+    least_feed: float = 0.0
+    spindle: SpindleStart | None = None
+    spindle_turns: float = 0.0
+
+    def wrench_of(self, operation: str) -> FloatArray:
+        """Return the wrench (6,) of an operation of the CAM file."""
+        return np.asarray(self.operations.get(operation, self.wrench_tcp), dtype=np.float64)
+
+    def __post_init__(self) -> None:
+        """Check shapes and freeze."""
+        frozen_floats(self, "wrench_tcp", (6,))
+
+
+@dataclass(frozen=True, slots=True)
+class Thin(Options):
     """How far the tool may pass points of a cut that are left out of the program."""
 
-    chord_mm: Annotated[float, Field(ge=0.001, le=1.0)] = Field(
-        default=0.01, description="from a point left out to the line that is driven [mm]"
+    chord: float = key(
+        0.01, "from a point left out to the line that is driven [mm]", "mm", ge=0.001, le=1.0
     )
-    axis_deg: Annotated[float, Field(ge=0.001, le=0.5)] = Field(
-        default=0.05,
-        description="between the tool axis there and the one driven, or between the orientations "
+    axis: float = key(
+        0.05,
+        "between the tool axis there and the one driven, or between the orientations "
         "where the file gives whole ones [deg]",
+        "deg",
+        ge=0.001,
+        le=0.5,
     )
 
 
-class MotionTable(Table):
+@dataclass(frozen=True, slots=True)
+class Motion(Options):
     """Speeds and blending."""
 
-    rapid_percent: Annotated[float, Field(gt=0.0, le=100.0)] = Field(
-        default=50.0, description="axis speed of rapid moves [%]"
+    rapid: float = key(50.0, "axis speed of rapid moves [%]", "percent", gt=0.0, le=100.0)
+    feed: float = key(
+        None,
+        "feed where the CAM data gives none [mm/min]; default: there is none",
+        "mm_min",
+        gt=0.0,
+        missing=math.nan,
     )
-    feed_mm_min: Positive | None = Field(
-        default=None,
-        description="feed where the CAM data gives none [mm/min]; default: there is none",
+    approximation: float = key(
+        1.0, "largest blending distance at points that need no exact stop [mm]", "mm", ge=0.0
     )
-    approximation_mm: NotNegative = Field(
-        default=1.0, description="largest blending distance at points that need no exact stop [mm]"
-    )
-    corner_tolerance_mm: Positive = Field(
-        default=0.2,
-        description="how far the tool point may pass a corner at feed because of blending [mm]; "
+    corner_tolerance: float = key(
+        0.2,
+        "how far the tool point may pass a corner at feed because of blending [mm]; "
         "where it could be more, the distance is lowered",
+        "mm",
+        gt=0.0,
     )
-    home_deg: SixAngles | None = Field(
-        default=None, description="A1..A6 where programs start and end [deg]; default: no home move"
+    home: FloatArray | None = key(
+        None,
+        "A1..A6 where programs start and end [deg]; default: no home move",
+        "deg",
+        form=SixAngles,
     )
-    approach_mm: NotNegative = Field(
-        default=50.0, description="height above a point without a depth where it is approached [mm]"
+    approach: float = key(
+        50.0, "height above a point without a depth where it is approached [mm]", "mm", ge=0.0
     )
-    points: Annotated[PointService, CHOICE] = Field(
-        default=PointService.AUTO,
-        description="points of a list without a depth: touch: each is approached along the tool "
+    points: PointService = key(
+        PointService.AUTO,
+        "points of a list without a depth: touch: each is approached along the tool "
         "axis and left again; path: a line through all; auto: path where they have a feed",
     )
-    chord_mm: Annotated[float, Field(ge=0.001)] = Field(
-        default=0.01, description="how far the lines that stand in for an arc may leave it [mm]"
+    chord: float = key(
+        0.01, "how far the lines that stand in for an arc may leave it [mm]", "mm", ge=0.001
     )
-    thin: ThinTable | None = Field(
-        default=None,
-        description="leave out points of cuts where the lines between the others pass them within "
+    thin: Thin | None = key(
+        None,
+        "leave out points of cuts where the lines between the others pass them within "
         "this; default: every point is written",
+        form=Read[Thin],
     )
-    arcs: Annotated[ArcMotion, CHOICE] = Field(
-        default=ArcMotion.CIRC,
-        description="circ: arcs as circular motions where possible; lin: as lines",
+    arcs: ArcMotion = key(
+        ArcMotion.CIRC, "circ: arcs as circular motions where possible; lin: as lines"
     )
-    rapid_speed_m_s: Annotated[float, Field(gt=0.0, le=3.0)] = Field(
-        default=2.0, description="path speed of straight rapid moves at rapid_percent = 100 [m/s]"
+    rapid_speed: float = key(
+        2.0,
+        "path speed of straight rapid moves at rapid_percent = 100 [m/s]",
+        "m_s",
+        gt=0.0,
+        le=3.0,
     )
-    retract_in_cuts: bool = Field(
-        default=False,
-        description="leave a cut that no single arm configuration serves by approach_mm along the "
+    retract_in_cuts: bool = key(
+        False,
+        "leave a cut that no single arm configuration serves by approach_mm along the "
         "tool axis, and enter it there again in another one, with a warning; false: refuse it",
     )
-
-    path_entry: Annotated[PathEntry, CHOICE] = Field(
-        default=PathEntry.AXIS,
-        description="into a cut that the CAM file does not lead into, and out of one at its end: "
+    path_entry: PathEntry = key(
+        PathEntry.AXIS,
+        "into a cut that the CAM file does not lead into, and out of one at its end: "
         "axis: by approach_mm straight along the tool axis, with the feed; none: by joint moves",
     )
 
-    @model_validator(mode="after")
-    def _room_to_retract(self) -> MotionTable:
-        if self.retract_in_cuts and not self.approach_mm:
+    def __post_init__(self) -> None:
+        """Check shapes and freeze."""
+        frozen_floats(self, "home", (6,))
+
+    def checked(self) -> Self:
+        """Return the options with the speed of rapids; ValueError for no way out of a cut."""
+        if self.retract_in_cuts and not self.approach:
             raise ValueError("retract_in_cuts: needs an approach_mm above 0")
-        return self
+        return replace(self, rapid_speed=self.rapid_speed * self.rapid)

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from dataclasses import field, fields
+from enum import StrEnum
+from functools import partial
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
-from pydantic.fields import FieldInfo
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, create_model, model_validator
+
+from postproc.units import DEG, MEGABYTE, MM, MM_PER_MIN, MS, PERCENT
 
 CHOICE = Field(strict=False)
 """A word of a list: the file holds text, the strict table would ask for the member itself."""
@@ -41,12 +45,99 @@ class Table(BaseModel):
     )
 
 
-def default_of(field: FieldInfo) -> Any:  # noqa: ANN401 - a value of any key
-    """Return the default of a key, that of a table as a table."""
-    kind, value = field.annotation, field.default
-    if isinstance(value, dict) and isinstance(kind, type) and issubclass(kind, Table):
-        return kind.model_validate(value)
-    return value
+_UNITS = {
+    "mm_min": MM_PER_MIN,
+    "m_s": 1.0,
+    "deg_s": DEG,
+    "percent": PERCENT,
+    "deg": DEG,
+    "mm": MM,
+    "ms": MS,
+    "mb": MEGABYTE,
+}
+"""End of a key to what one of its unit is in SI."""
+
+
+class Options:
+    """A table as the program has it, in SI units: a dataclass whose fields are made by ``key``."""
+
+    __slots__ = ()
+
+    def checked(self) -> Self:
+        """Return the options as they count; ValueError where keys contradict each other."""
+        return self
+
+
+def key(
+    default: Any,  # noqa: ANN401 - and its value
+    meaning: str,
+    unit: str = "",
+    *,
+    form: Any = None,  # noqa: ANN401 - and its type
+    missing: float | None = None,
+    **ends: Any,  # noqa: ANN401
+) -> Any:  # noqa: ANN401
+    """Return a field of options that is a key of their table: its name and, at the end, its unit.
+
+    Args:
+        default: in the unit of the file.
+        meaning: for the reference and for new cells.
+        unit: end of the key, of ``_UNITS`` where it is not SI.
+        form: type of the value in the file; else that of the default.
+        missing: the value of the field where the file has none.
+        ends: ``ge``, ``gt``, ``le`` of a number.
+    """
+    kind = form or Annotated[float if default is None else type(default), Field(**ends)]
+    if isinstance(default, StrEnum) and form is None:
+        kind = Annotated[type(default), CHOICE]
+    said = list(default) if isinstance(default, tuple) else default
+    entry = (kind if default is not None else kind | None, Field(default=said, description=meaning))
+    value = _in_si(said, unit, missing)
+    made = {"default_factory": dict} if value == {} else {"default": value}
+    return field(**made, metadata={"key": (unit, missing, entry)})
+
+
+def _in_si(value: Any, unit: str, missing: float | None) -> Any:  # noqa: ANN401 - of any key
+    factor = _UNITS.get(unit)
+    if isinstance(value, list):
+        return tuple(value if factor is None else (number * factor for number in value))
+    if value is None:
+        return missing
+    return value if factor is None else value * factor
+
+
+T = TypeVar("T", bound=Options)
+
+
+def _keyed(kind: type[Options]) -> dict[str, tuple[str, str, float | None, Any]]:
+    """Return for each key its field, unit, value for None, and entry of the table."""
+    keyed = [(made.name, *made.metadata["key"]) for made in fields(kind) if made.metadata]  # type: ignore[arg-type]
+    return {f"{name}_{unit}".rstrip("_"): (name, unit, *rest) for name, unit, *rest in keyed}
+
+
+def _table_of(kind: type[Options]) -> type[Table]:
+    keys: Any = {name: entry for name, (_, _, _, entry) in _keyed(kind).items()}
+    return create_model(
+        kind.__name__, __base__=Table, __doc__=kind.__doc__, __module__=kind.__module__, **keys
+    )
+
+
+def _made(kind: type[T], table: Table) -> T:
+    values, keys = dict(table), _keyed(kind).items()
+    found = {name: _in_si(values[key], unit, missing) for key, (name, unit, missing, _) in keys}
+    return kind(**found).checked()
+
+
+if TYPE_CHECKING:
+    Read = Annotated[T, "the options that a table is read as"]
+else:
+
+    class Read:
+        """The table of options, and the way from it to them."""
+
+        def __class_getitem__(cls, kind: type[Options]) -> object:
+            """Return what a table has for a type in the place of options."""
+            return Annotated[_table_of(kind), AfterValidator(partial(_made, kind))]
 
 
 class Placement(Table):
