@@ -34,7 +34,7 @@ from postproc.errors import DataError, Finding, Severity
 from postproc.gap import RobotModel, stiffness_of
 from postproc.geometry import inverse
 from postproc.kinematics import Kinematics, corner_miss, within_tolerance
-from postproc.model import ModelFile, MoveKind, MoveRole, Plan, load_model
+from postproc.model import AlongPath, ModelFile, MoveKind, MoveRole, Plan, load_model
 from postproc.paths import Moments, Timeline
 from postproc.process import operation_loads
 from postproc.records import dataclass
@@ -115,12 +115,24 @@ def compensate(plan: Plan, cell: Cell, model: str | ModelFile) -> Plan:
         commanded = _crossing(commanded, plan, cell, arm, rows, sides, file)
     if arm.along:
         commanded = follower(arm).compensated(commanded, file)
+        _check_size(np.asarray(commanded.shift_along), file)
+        findings += _left_along(commanded.along_path, cell)
     return replace(
         commanded,
         blend=_blends(commanded, cell.motion.corner_tolerance),
         compensation_note=_note(plan, cell, file, solved, rows, arm.dead),
         findings=(*plan.findings, *findings),
     )
+
+
+def _left_along(told: AlongPath | None, cell: Cell) -> list[Finding]:
+    """Say how far the tool is expected off the path where that is more than corners may be."""
+    if told is None or told.max <= cell.motion.corner_tolerance:
+        return []
+    text = f"the tool is expected up to {told.max / MM:.3g} mm off the path of the cuts"
+    plain = f", {told.plain_max / MM:.3g} mm without compensation"
+    hint = "lower the feed where the path turns; convert --json has more in along_path"
+    return [Finding(Severity.WARNING, "CMP006", f"{text}{plain}", hint=hint)]
 
 
 def follower(arm: RealArm) -> Follower:
@@ -161,14 +173,19 @@ def _solved(
         parts.append(solve(arm.models[tool], arm.kinematics, T_flange_tcp, q, wrench, here))
     order = np.argsort(np.concatenate([np.flatnonzero(rows.tool == tool) for tool in tools]))
     solved = Compensated.concat(parts).rows(order)
-    largest = float(np.linalg.norm(solved.shift, axis=1).max(initial=0.0))
+    _check_size(solved.shift, file)
+    return solved
+
+
+def _check_size(shift: FloatArray, file: ModelFile) -> None:
+    """Refuse shifts (n, 3) [m] that no real arm can need."""
+    largest = float(np.linalg.norm(shift, axis=1).max(initial=0.0))
     if largest > LARGEST:
         raise DataError(
             "CMP001",
             f"the model asks for shifts of up to {largest / MM:.1f} mm, too large for a real arm",
             file.source(next(iter(file.effects), "")),
         )
-    return solved
 
 
 @dataclass(frozen=True, slots=True)

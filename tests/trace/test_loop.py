@@ -64,6 +64,17 @@ def test_lag_and_play_are_taken_off(told, capsys):
     assert low <= path["expected_rms_mm"] <= high
 
 
+def test_what_is_left_beyond_a_corner_is_said_and_a_model_of_no_arm_refused(told, tmp_path, capsys):
+    source = told["both"][0].parent / "loop.apt"
+    for delay, code in ((200.0, "CMP006"), (3000.0, "CMP001")):
+        model = tmp_path / "model.toml"
+        table = f"[effects.servo_lag]\ndelay_ms = [0.0, {delay}, 0.0, 0.0, 0.0, 0.0]\n"
+        model.write_text(f'schema = "postproc.model/1"\n{table}')
+        call = ["convert", str(source), "--cell", str(CELL), "--model", str(model)]
+        app.run([*call, "-o", str(tmp_path)])
+        assert code in capsys.readouterr().err
+
+
 def test_a_delay_of_all_joints_costs_the_part_nothing(told, capsys):
     path, _ = converted(told, "late", capsys)
     assert path["plain_rms_mm"] < 0.005
