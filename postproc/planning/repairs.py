@@ -148,23 +148,22 @@ def _change(state: Changing) -> bool:
     return state.change()
 
 
-SEARCH = Level.SEARCH
 REPAIRS = (
-    Repair(SEARCH, "faster turns", "a cut has no path at steady turns", _turn_faster),
+    Repair(Level.SEARCH, "faster turns", "a cut has no path at steady turns", _turn_faster),
     Repair(
         Level.SEARCH,
         "more key tags and finer spins",
         "a cut fails, a tag has no pose",
         _look_closer,
     ),
-    Repair(SEARCH, "less roll", "a cut rolls the tool far", _roll_less),
+    Repair(Level.SEARCH, "less roll", "a cut rolls the tool far", _roll_less),
     Repair(
         Level.SEARCH,
         "a steady posture",
         "no free path was found for a change of it",
         _keep_posture,
     ),
-    Repair(SEARCH, "key tags for less loss", "tags lose more than the bound", _lose_less),
+    Repair(Level.SEARCH, "key tags for less loss", "tags lose more than the bound", _lose_less),
     Repair(
         Level.SEARCH,
         "poses on one side of a gap",
@@ -172,7 +171,7 @@ REPAIRS = (
         _avoid_gap,
         3,
     ),
-    Repair(SEARCH, "more tilts", "tags fail that have a pose", _tilt_more, 1),
+    Repair(Level.SEARCH, "more tilts", "tags fail that have a pose", _tilt_more, 1),
     Repair(Level.PLACES, "another place", "a cut is refused where they stand", _change, 11),
     Repair(
         Level.CUTS, "a cut left and entered again", "no arm configuration serves a cut", _change, 11
