@@ -64,10 +64,10 @@ class Follower:
     kinematics: Kinematics
     effects: Mapping[str, FloatArray]
 
-    def run(self, plan: Plan, doubt: float = 0.0) -> tuple[FloatArray, Drive]:
+    def run(self, plan: Plan) -> tuple[FloatArray, Drive]:
         """Return where each move of a plan begins in the drive of its program, and the drive."""
         paths, motion = run_of(plan, self.cell, self.kinematics)
-        drive = driven(paths, self.cell, self.kinematics, self.effects, doubt)
+        drive = driven(paths, self.cell, self.kinematics, self.effects)
         return motion.astype(np.float64), drive
 
     def missed(self, plan: Plan) -> Callable[[IntArray, FloatArray], FloatArray]:
@@ -91,14 +91,13 @@ class Follower:
         place, point = _places(drive, begin[is_cut])
         size = _rms(np.linalg.norm(drive.missed(place, point), axis=1))
         doubt = min(1.0, rest[0] / max(size, SETTLED))
-        first = begin, self.run(plan, doubt)[1]
         plan = replace(plan, shift_along=np.zeros_like(wanted))
-        plain = _Level.of(first[1], place, point, plan)
+        plain = _Level.of(drive, place, point, plan, doubt)
         levels, shift = [plain], np.zeros_like(wanted)
         found = [PATH_EFFECTS.get(name).lost(theta) for name, theta in self.effects.items()]
         lost = np.flatnonzero(np.any(found, axis=0)).astype(np.int32)
         for hold in (False, True) if plain.rms[0] >= SETTLED else ():
-            shift, run, now = np.zeros_like(wanted), first, plan
+            shift, run, now = np.zeros_like(wanted), (begin, drive), plan
             for number in range(ROUNDS):
                 missed = run[1].missed(run[0] + 1.0, wanted)
                 missed[~is_cut] = 0.0
@@ -110,8 +109,8 @@ class Follower:
                     q = _held(np.asarray(plan.q), np.asarray(now.q), is_cut, lost)
                     shift = (self.kinematics.fk(q) @ tool)[:, :3, 3] - wanted
                     now = self._shifted(plan, T_robroot_tcp, tool, shift)
-                run = self.run(now, doubt)
-                levels.append(_Level.of(run[1], place, point, now))
+                run = self.run(now)
+                levels.append(_Level.of(run[1], place, point, now, doubt))
         good = [level for level in levels if level.is_no_worse(plain, rest[0])]
         share = np.ones(len(wanted))
         for _ in range(LESS):
@@ -124,7 +123,7 @@ class Follower:
                 np.minimum.at(away, np.clip(near + step, 0, len(wanted) - 1), abs(step))
             share = share * (0.5 + 0.5 * away / FADE)
             now = self._shifted(plan, T_robroot_tcp, tool, share[:, None] * shift)
-            levels.append(_Level.of(self.run(now, doubt)[1], place, point, now))
+            levels.append(_Level.of(self.run(now)[1], place, point, now, doubt))
             good = [level for level in levels if level.is_no_worse(plain, rest[0])]
         best = min(good, key=lambda level: level.fourth)
         off = (plain.rms[0], plain.most[0], best.rms[0], best.most[0])
@@ -175,8 +174,11 @@ class _Level:
     plan: Plan
 
     @classmethod
-    def of(cls, drive: Drive, place: FloatArray, point: FloatArray, plan: Plan) -> _Level:
-        runs = [drive, *(replace(drive, real=real) for real in drive.doubted)]
+    def of(
+        cls, drive: Drive, place: FloatArray, point: FloatArray, plan: Plan, doubt: float
+    ) -> _Level:
+        sizes = (1.0 - doubt, 1.0 + doubt) if doubt else ()
+        runs = [drive, *(replace(drive, real=drive.under(size)) for size in sizes)]
         offs = [np.linalg.norm(run.missed(place, point), axis=1) for run in runs]
         most = tuple(float(off.max(initial=0.0)) for off in offs)
         # fourth powers: a few places far off are worse than many a little

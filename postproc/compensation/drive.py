@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from postproc.arrays import ROUNDING, FloatArray, IntArray, forward_filled
 from postproc.cell import Cell
 from postproc.emitters import EMITTERS, emitter_of, motions_of
 from postproc.errors import EmitError, SourceRef
+from postproc.geometry import onto_line
 from postproc.kinematics import Kinematics
 from postproc.model import Plan
 from postproc.paths import Paths, bends_of, chains, durations
@@ -35,13 +36,13 @@ class Drive:
     """A run in time, with the tool where effects along the path leave it.
 
     place (n,): motion and share of it, every ``CYCLE``; commanded, real (n, 3) tool point [m],
-    robroot; doubted: real ones if the effects are larger and smaller than they are known.
+    robroot; under: what the effects, so many times as large, make of the real one.
     """
 
     place: FloatArray
     commanded: FloatArray
     real: FloatArray
-    doubted: tuple[FloatArray, ...] = ()
+    under: Callable[[float], FloatArray]
 
     def missed(self, place: FloatArray, point: FloatArray | None = None) -> FloatArray:
         """Return the way (k, 3) [m] to the real tool's path from places (k,) of the run.
@@ -63,11 +64,10 @@ class Drive:
         found = self.real[nearest] - point
         for low in (nearest - 1, nearest):
             start, end = (np.clip(low + k, 0, len(self.real) - 1) for k in (0, 1))
+            share, off = onto_line(point, self.real[start], self.real[end])
             span = self.real[end] - self.real[start]
-            square = np.maximum(np.sum(span**2, axis=1), 1e-18)
-            share = np.sum((point - self.real[start]) * span, axis=1) / square
-            way = self.real[start] + np.clip(share, 0.0, 1.0)[:, None] * span - point
-            shorter = np.sum(way**2, axis=1) < np.sum(found**2, axis=1)
+            way = self.real[start] + share[:, None] * span - point
+            shorter = off < np.linalg.norm(found, axis=1)
             found = np.where(shorter[:, None], way, found)
         return np.asarray(found)
 
@@ -77,9 +77,8 @@ def driven(
     cell: Cell,
     kinematics: Kinematics,
     effects: Mapping[str, FloatArray],
-    doubt: float = 0.0,
 ) -> Drive:
-    """Return a run in time under effects along the path, known but for a share ``doubt``.
+    """Return a run in time under effects along the path.
 
     Raises:
         EmitError: CMP008 if external axes move in a path motion.
@@ -96,9 +95,11 @@ def driven(
     moved = _displaced(even, command, cell, kinematics, effects)
     motion = np.clip(np.ceil(where).astype(np.int64) - 1, 0, len(paths) - 1)
     tool = cell.tcp_of(paths.station.tool[motion])[:, :3, 3]
-    sizes = (0.0, 1.0, *((1.0 - doubt, 1.0 + doubt) if doubt else ()))
-    at, real, *other = (_carried(kinematics, command + k * moved, tool) for k in sizes)
-    return Drive(where, at, real, tuple(other))
+
+    def under(size: float) -> FloatArray:
+        return _carried(kinematics, command + size * moved, tool)
+
+    return Drive(where, under(0.0), under(1.0), under)
 
 
 def _standing(paths: Paths, cell: Cell) -> None:

@@ -34,4 +34,4 @@ from postproc.geometry.frames import (
     twist_about,
     vee,
 )
-from postproc.geometry.poses import arc_points, arc_poses, line_poses, path_length
+from postproc.geometry.poses import arc_points, arc_poses, line_poses, onto_line, path_length

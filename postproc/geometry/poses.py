@@ -18,6 +18,16 @@ def line_poses(T_a: FloatArray, T_b: FloatArray, share: FloatArray) -> FloatArra
     return transform(slerp(T_a[:, :3, :3], T_b[:, :3, :3], share), p)
 
 
+def onto_line(
+    points: FloatArray, start: FloatArray, end: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the share (...) 0..1 of lines nearest to points (..., 3), and how far off [m]."""
+    way, here = end - start, points - start
+    square = np.maximum(np.einsum("...i,...i->...", way, way), 1e-24)
+    share = np.clip(np.einsum("...i,...i->...", here, way) / square, 0.0, 1.0)
+    return share, np.linalg.norm(here - share[..., None] * way, axis=-1)
+
+
 def arc_poses(
     T_a: FloatArray,
     T_b: FloatArray,

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from postproc.arrays import FloatArray, IndexArray, stepped
+from postproc.geometry import onto_line
 from postproc.units import MM
 
 _ROUNDS = 4
@@ -22,10 +23,7 @@ def corner_miss(a: FloatArray, corner: FloatArray, b: FloatArray) -> FloatArray:
         corner: (c, 3) what is approximated [m].
         b: (c, 3) where it may end [m].
     """
-    way = b - a
-    square = np.maximum(np.einsum("ci,ci->c", way, way), 1e-24)
-    share = np.clip(np.einsum("ci,ci->c", corner - a, way) / square, 0.0, 1.0)
-    return np.asarray(np.linalg.norm(corner - a - share[:, None] * way, axis=1))
+    return onto_line(corner, a, b)[1]
 
 
 def within_tolerance(

@@ -15,7 +15,7 @@ from postproc.arrays import AnyIntArray, BoolArray, FloatArray
 from postproc.cell import Cell
 from postproc.controller import Blend
 from postproc.errors import DataError, SourceRef
-from postproc.geometry import apply
+from postproc.geometry import apply, onto_line
 from postproc.kinematics import Kinematics
 from postproc.krl import KrlModule
 from postproc.model import MotionKind, ToolPath
@@ -195,10 +195,7 @@ def _refined(points: FloatArray, program: Programmed, way: FloatArray) -> FloatA
     best, found = np.full(len(way), np.inf), way.copy()
     for shift in (-1, 0, 1):
         k = np.clip(piece + shift, 0, len(program.way) - 2)
-        span = program.points[k + 1] - program.points[k]
-        square = np.maximum(np.sum(span**2, axis=1), 1e-18)
-        share = np.clip(np.sum((points - program.points[k]) * span, axis=1) / square, 0.0, 1.0)
-        off = np.sum((points - program.points[k] - share[:, None] * span) ** 2, axis=1)
+        share, off = onto_line(points, program.points[k], program.points[k + 1])
         place = program.way[k] + share * (program.way[k + 1] - program.way[k])
         closer = off < best
         best, found = np.where(closer, off, best), np.where(closer, place, found)

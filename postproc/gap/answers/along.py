@@ -12,7 +12,7 @@ from postproc.cell import Cell
 from postproc.errors import DataError, SourceRef
 from postproc.gap.answers.diagnose import Diagnosis
 from postproc.gap.answers.shrinkage import rms
-from postproc.geometry import apply, arc_points, inverse
+from postproc.geometry import apply, arc_points, inverse, onto_line
 from postproc.model import MotionKind, ToolPath
 from postproc.planning import arc_length
 from postproc.process import carried, claimed
@@ -140,14 +140,10 @@ class _Pieces:
             middle = 0.5 * (self.start[rows] + self.end[rows])
             count = min(_NEAREST, len(rows))
             near = rows[cKDTree(middle).query(points, k=count)[1].reshape(len(points), count)]
-            span = self.end[near] - self.start[near]
-            square = np.maximum(np.sum(span**2, axis=2), 1e-30)
-            lead = np.sum((points[:, None] - self.start[near]) * span, axis=2) / square
-            share = np.clip(lead, 0.0, 1.0)
-            foot = self.start[near] + share[:, :, None] * span
-            off = np.linalg.norm(points[:, None] - foot, axis=2)
+            share, off = onto_line(points[:, None], self.start[near], self.end[near])
             best = np.argmin(np.round(off, 9), axis=1)[:, None]
-            pick, share = (np.take_along_axis(v, best, 1)[:, 0] for v in (near, share))
+            pick = np.take_along_axis(near, best, 1)[:, 0]
+            share = np.take_along_axis(share, best, 1)[:, 0]
             way = self.way[pick, 0] + share * (self.way[pick, 1] - self.way[pick, 0])
             found.append((way, self.tag[pick], np.take_along_axis(off, best, 1)[:, 0]))
         if len(found) == 1:

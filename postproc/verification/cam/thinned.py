@@ -16,6 +16,7 @@ import numpy as np
 from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IndexArray
 from postproc.cell import Cell
 from postproc.controller import Blend, MotionType
+from postproc.geometry import onto_line
 from postproc.kinematics import corner_miss
 from postproc.model import BLEND_SHARE, ToolPath
 from postproc.paths import Paths
@@ -154,13 +155,13 @@ def _nearest(
     plain = (low == high) & is_line[low] & (len(real.paths) == 1)
     at = np.flatnonzero(plain)
     ends = paths.end_point[low[at] - 1], paths.end_point[low[at]]
-    found.share[at], found.chord[at] = _onto(points[rows[at]], *ends)
+    found.share[at], found.chord[at] = onto_line(points[rows[at]], *ends)
     way[at] = found.share[at] * np.linalg.norm(ends[1] - ends[0], axis=1)
     for place in np.flatnonzero(~plain).tolist():
         tag = int(rows[place])
         motion, begin, knots = _course(real.of(tag), int(low[place]), int(high[place]))
         point = np.broadcast_to(points[tag], (len(motion), 3))
-        share, chord = _onto(point, knots[:-1], knots[1:])
+        share, chord = onto_line(point, knots[:-1], knots[1:])
         best = int(chord.argmin())
         length = np.linalg.norm(np.diff(knots, axis=0), axis=1)
         found.motion[place], found.chord[place] = motion[best], chord[best]
@@ -169,14 +170,6 @@ def _nearest(
     back = np.flatnonzero((np.diff(way) < -_BACK) & (np.diff(low) == 0))
     found.chord[back + 1] = np.inf
     return found
-
-
-def _onto(points: FloatArray, start: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the share (k,) of lines at which points (k, 3) are nearest, and how far off [m]."""
-    way, here = end - start, points - start
-    square = np.maximum(np.einsum("ij,ij->i", way, way), 1e-24)
-    share = np.clip(np.einsum("ij,ij->i", here, way) / square, 0.0, 1.0)
-    return share, np.linalg.norm(here - share[:, None] * way, axis=1)
 
 
 def _course(paths: Paths, low: int, high: int) -> tuple[IndexArray, FloatArray, FloatArray]:

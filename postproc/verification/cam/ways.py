@@ -13,7 +13,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.errors import RunKind
-from postproc.geometry import angle_between
+from postproc.geometry import angle_between, onto_line
 from postproc.units import DEG, MM
 from postproc.verification.cam.elements import Arc, Followed, Line, element_to
 from postproc.verification.cam.match import Match
@@ -130,10 +130,7 @@ def _bent(run: Run, match: Match) -> tuple[Followed | None, list[Remark]]:
     points = (1.0 - progress) * every[real.case[own - 1], sample]
     points = points + progress * every[real.case[own], sample]
     start, end = (np.asarray(match.tags.toolpath.points)[at] for at in (own - 1, own))
-    way = end - start
-    square = np.maximum(np.einsum("ij,ij->i", way, way), 1e-24)
-    share = np.clip(np.einsum("ij,ij->i", points - start, way) / square, 0.0, 1.0)
-    off = np.nan_to_num(np.linalg.norm(points - start - share[:, None] * way, axis=1))
+    off = np.nan_to_num(onto_line(points, start, end)[1])
     place = int(off.argmax())
     bent = Followed(float(off[place]), int(paths.row[sample[place]]))
     beside = int(np.unique(own[off > match.path_tolerance]).size)
