@@ -7,19 +7,9 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
+from postproc import krl
 from postproc.backup.archive import Archive
 from postproc.errors import KrlError, ReadError, SourceRef
-from postproc.krl import (
-    Aggregate,
-    Axes,
-    Enum,
-    Pose,
-    Text,
-    Value,
-    components,
-    parse_files,
-    text_of,
-)
 from postproc.records import dataclass
 
 _TARGET = re.compile(r"([$\w]+)\s*(?:\[\s*([\d,\s]*)\])?$")
@@ -83,7 +73,7 @@ def read_variables(archive: Archive, name: str) -> Variables:
     place = archive.place(name)
     text = decoded(archive.read(name))
     try:
-        (module,) = parse_files({file_name(name): text.encode("utf-8", errors="replace")})
+        (module,) = krl.parse_files({file_name(name): text.encode("utf-8", errors="replace")})
     except KrlError as problem:
         line = problem.source.line if problem.source else 1
         raise ReadError("BAK005", problem.message, SourceRef(place, line)) from None
@@ -110,16 +100,16 @@ def decoded(raw: bytes) -> str:
     for mark, encoding in _MARKS.items():
         if raw.startswith(mark):
             return raw.decode(encoding, errors="replace")
-    return text_of(raw)
+    return krl.text_of(raw)
 
 
-def _plain(value: Value) -> Any:  # noqa: ANN401 - any value of KRL
-    if isinstance(value, Text):
+def _plain(value: krl.Value) -> Any:  # noqa: ANN401 - any value of KRL
+    if isinstance(value, krl.Text):
         return value.value
-    if isinstance(value, Enum):
+    if isinstance(value, krl.Enum):
         return f"#{value.name.upper()}"
-    if isinstance(value, Pose | Axes):
-        return dict(components(value))
-    if isinstance(value, Aggregate):
+    if isinstance(value, krl.Pose | krl.Axes):
+        return dict(krl.components(value))
+    if isinstance(value, krl.Aggregate):
         return {key.upper().removesuffix("[]"): _plain(part) for key, part in value.fields}
     return value

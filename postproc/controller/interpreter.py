@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from typing import Any
 
+from postproc import krl
 from postproc.arrays import FloatArray
 from postproc.controller.control import Activation, ControlFlow
 from postproc.controller.flow import Flow, flow_of
@@ -47,35 +48,6 @@ from postproc.controller.trace import EventWord, Trace, World
 from postproc.controller.trust import Trust, is_quiet, reading
 from postproc.errors import RunKind, Severity, SourceRef
 from postproc.kinematics import Kinematics
-from postproc.krl import (
-    Assign,
-    Call,
-    Continue,
-    Control,
-    Declaration,
-    Effect,
-    Expr,
-    FunctionCall,
-    Halt,
-    Interrupt,
-    KrlModule,
-    Move,
-    Node,
-    Pose,
-    Raw,
-    Reference,
-    Routine,
-    SplineBegin,
-    SplineEnd,
-    Statement,
-    Trigger,
-    Value,
-    WaitFor,
-    WaitSec,
-    initial_values,
-    parse_expression,
-    system_variable,
-)
 
 MAX_DEPTH = 50
 """Calls within calls."""
@@ -84,13 +56,13 @@ MAX_REPEATED_MOTIONS = 4_000
 """So many lines and motions more than the text has are run: what loops and calls add to it."""
 MAX_WAIT = 600.0
 """A longer wait [s] is a slip of the digits, not a dwell."""
-_NO_LINE = frozenset({Continue, Declaration})
+_NO_LINE = frozenset({krl.Continue, krl.Declaration})
 """What stands between CONTINUE and the line that it belongs to."""
 MAX_SEARCHES = 200
 """How often the joints behind a Cartesian motion are worked out in one run."""
 
 
-def run(modules: Sequence[KrlModule], name: str, kinematics: Kinematics, world: World) -> Trace:
+def run(modules: Sequence[krl.KrlModule], name: str, kinematics: Kinematics, world: World) -> Trace:
     """Run a program.
 
     Args:
@@ -112,7 +84,9 @@ class _EndlessError(Exception):
 class Interpreter:
     """One run of one program."""
 
-    def __init__(self, modules: Sequence[KrlModule], kinematics: Kinematics, world: World) -> None:
+    def __init__(
+        self, modules: Sequence[krl.KrlModule], kinematics: Kinematics, world: World
+    ) -> None:
         self._modules = {module.name.upper(): module for module in modules}
         self._world = world
         self.state = MotionState(world.tools, world.bases, world.T_world_robroot)
@@ -141,7 +115,7 @@ class Interpreter:
         self._system: dict[str, Any] = {}
         self._active: dict[str, Any] = {}
         self._flows: dict[tuple[str, str, int], Flow] = {}
-        self._global_routines: dict[str, list[tuple[KrlModule, Routine]]] = {}
+        self._global_routines: dict[str, list[tuple[krl.KrlModule, krl.Routine]]] = {}
         for module in self._modules.values():
             for routine in module.routines:
                 if routine.is_global:
@@ -150,24 +124,24 @@ class Interpreter:
         self._line = 0
         self._searches = 0
         texts = [r.statements for m in self._modules.values() for r in m.routines]
-        moves = sum(type(statement) is Move for text in texts for statement in text)
+        moves = sum(type(statement) is krl.Move for text in texts for statement in text)
         self._lines_left = MAX_REPEATED_LINES + sum(map(len, texts))
         self._motions_left = MAX_REPEATED_MOTIONS + moves
         self._motions = Motions(self.evaluator, self.targets, self)
         self._handlers: dict[type, Callable[[Any], None]] = {
-            Move: self._motions.move,
-            Assign: self.assign,
-            Call: self._call,
-            WaitSec: self._wait,
-            WaitFor: self._wait_for,
-            Halt: self._halt,
-            Declaration: self._memory.declare,
-            Trigger: self._trigger,
-            Interrupt: self._interrupt,
-            Raw: self._instruction,
-            SplineBegin: self._motions.begin_spline,
-            SplineEnd: self._motions.end_spline,
-            Continue: self._continue,
+            krl.Move: self._motions.move,
+            krl.Assign: self.assign,
+            krl.Call: self._call,
+            krl.WaitSec: self._wait,
+            krl.WaitFor: self._wait_for,
+            krl.Halt: self._halt,
+            krl.Declaration: self._memory.declare,
+            krl.Trigger: self._trigger,
+            krl.Interrupt: self._interrupt,
+            krl.Raw: self._instruction,
+            krl.SplineBegin: self._motions.begin_spline,
+            krl.SplineEnd: self._motions.end_spline,
+            krl.Continue: self._continue,
         }
         self._memory.load(self._modules)
 
@@ -181,7 +155,7 @@ class Interpreter:
     # --------------------------------------------------------------------------------- execution
 
     def _execute(
-        self, module: KrlModule, routine: Routine, arguments: tuple[tuple[str, Any], ...]
+        self, module: krl.KrlModule, routine: krl.Routine, arguments: tuple[tuple[str, Any], ...]
     ) -> Activation:
         key = module.name, routine.name, routine.line
         flow = self._flows.get(key)
@@ -209,7 +183,7 @@ class Interpreter:
             self._lines_left -= 1
             if self._lines_left < 0 or len(self.recorder) > self._motions_left:
                 self._stop(statement)
-            if kind is Control:
+            if kind is krl.Control:
                 self._line = statement.line
                 target = self._control.step(run, index, statement)  # type: ignore[arg-type]
                 index = index + 1 if target is None else target
@@ -223,7 +197,7 @@ class Interpreter:
                     advance.is_continued = False
             index += 1
 
-    def _stop(self, statement: Statement) -> None:
+    def _stop(self, statement: krl.Statement) -> None:
         """End a run that goes on and on."""
         self._line = statement.line
         what = (
@@ -239,7 +213,7 @@ class Interpreter:
             self.finding(RunKind.ENDLESS, text)
         raise _EndlessError
 
-    def _continue(self, _statement: Continue) -> None:
+    def _continue(self, _statement: krl.Continue) -> None:
         """Let the next line be run ahead, whatever it is."""
         self._aside("CONTINUE", acts=False)
         self._advance.is_continued = True
@@ -300,28 +274,28 @@ class Interpreter:
         value = self.state.read(key)
         return self._system.get(key, UNKNOWN) if value is UNKNOWN else value
 
-    def assign(self, statement: Assign) -> None:
+    def assign(self, statement: krl.Assign) -> None:
         """Execute an assignment."""
-        if type(statement.value) is float and statement.target in initial_values():
+        if type(statement.value) is float and statement.target in krl.initial_values():
             self.state.assign(statement.target, statement.value)
             self._missing_frames()
             return
-        node = parse_expression(statement.target)
+        node = krl.parse_expression(statement.target)
         value = self.evaluator.value(statement.value)
-        if isinstance(node, Reference) and node.name in ("$TOOL", "$BASE"):
+        if isinstance(node, krl.Reference) and node.name in ("$TOOL", "$BASE"):
             self._assign_frame(node, value, statement.value)
         else:
             self._assign_node(node, value, by_form=_is_form(statement.value))
         self._missing_frames()
 
-    def _assign_frame(self, node: Reference, value: Any, written: Value) -> None:  # noqa: ANN401
+    def _assign_frame(self, node: krl.Reference, value: Any, written: krl.Value) -> None:  # noqa: ANN401
         if isinstance(value, NumberedFrame):
             select = self.state.select_tool if node.name == "$TOOL" else self.state.select_base
             select(value.number)
             return
         number = -1
-        source = parse_expression(written.text) if isinstance(written, Expr) else None
-        if isinstance(source, Reference) and source.name in ("TOOL_DATA", "BASE_DATA"):
+        source = krl.parse_expression(written.text) if isinstance(written, krl.Expr) else None
+        if isinstance(source, krl.Reference) and source.name in ("TOOL_DATA", "BASE_DATA"):
             index = source.selectors[0] if source.selectors else ""
             found = None if isinstance(index, str) else self.evaluator.indices(index)
             number = found[0] if found else -1
@@ -331,8 +305,8 @@ class Interpreter:
             value = with_component(whole, path, value)
         self.state.set_frame(node.name, value, number)
 
-    def _assign_node(self, node: Node, value: Any, *, by_form: bool = False) -> None:  # noqa: ANN401
-        if not isinstance(node, Reference):
+    def _assign_node(self, node: krl.Node, value: Any, *, by_form: bool = False) -> None:  # noqa: ANN401
+        if not isinstance(node, krl.Reference):
             return
         if node.name.startswith("$"):
             self._assign_system(node, value, by_form=by_form)
@@ -343,10 +317,10 @@ class Interpreter:
                 self._aside(f"{node.name}=")
             self._memory.put(node, value)
 
-    def _assign_system(self, node: Reference, value: Any, *, by_form: bool) -> None:  # noqa: ANN401
+    def _assign_system(self, node: krl.Reference, value: Any, *, by_form: bool) -> None:  # noqa: ANN401
         """Set a system variable; what it does and nobody follows is not checked."""
         key = self.evaluator.key(node)
-        variable = system_variable(node.name)
+        variable = krl.system_variable(node.name)
         if key is None:
             if variable is None or not variable.effect.is_still:
                 self.unjudged(node.name, f"which {node.name} is set is not known here")
@@ -361,15 +335,15 @@ class Interpreter:
             does = "what it does is not known" if variable is None else variable.does
             self.unjudged(key, f"{key} is set ({does}): its effect on the motion is not checked")
 
-    def _assign_still(self, key: str, value: Any, effect: Effect) -> None:  # noqa: ANN401
+    def _assign_still(self, key: str, value: Any, effect: krl.Effect) -> None:  # noqa: ANN401
         """Set a system variable by which no arm moves otherwise."""
         self._system[key] = value
-        if effect is Effect.OUTPUT:
+        if effect is krl.Effect.OUTPUT:
             number = float(value) if isinstance(value, int | float) else math.nan
             early = self._advance.stop() if key.startswith(STOPPING) else self._advance.act()
             self.recorder.event(EventWord.OUTPUT, key, self.place(), number, early=early)
 
-    def _note_frame_data(self, node: Reference, scope: Variables) -> None:
+    def _note_frame_data(self, node: krl.Reference, scope: Variables) -> None:
         if node.name not in ("TOOL_DATA", "BASE_DATA"):
             return
         data = self.state.tool_data if node.name == "TOOL_DATA" else self.state.base_data
@@ -380,7 +354,7 @@ class Interpreter:
             number = indices[0]
             if len(indices) != 1 or data.get(number) == pose:
                 continue
-            if isinstance(pose, Pose):
+            if isinstance(pose, krl.Pose):
                 data[number] = pose
             else:
                 data.pop(number, None)
@@ -390,7 +364,7 @@ class Interpreter:
 
     # ------------------------------------------------------------------------------------- calls
 
-    def _call(self, statement: Call) -> None:
+    def _call(self, statement: krl.Call) -> None:
         name = statement.name.upper()
         found = self._resolve(name)
         if name == "BAS":
@@ -419,7 +393,10 @@ class Interpreter:
             self._hook(name, None, nodes)
 
     def _hook(
-        self, name: str, found: tuple[KrlModule, Routine] | None, nodes: tuple[Node | None, ...]
+        self,
+        name: str,
+        found: tuple[krl.KrlModule, krl.Routine] | None,
+        nodes: tuple[krl.Node | None, ...],
     ) -> None:
         """Note a call of the integrator's process, and run what lies of it in these files.
 
@@ -442,10 +419,10 @@ class Interpreter:
             is_surmise = not self._advance.is_continued
             events[at] = events[at]._replace(early=self._advance.act(), is_surmise=is_surmise)
 
-    def _argument(self, node: Node | None) -> Any:  # noqa: ANN401 - a KRL value
+    def _argument(self, node: krl.Node | None) -> Any:  # noqa: ANN401 - a KRL value
         return UNKNOWN if node is None else self.evaluator.node(node)
 
-    def _bas(self, statement: Call) -> None:
+    def _bas(self, statement: krl.Call) -> None:
         values = [self.evaluator.value(value) for value in statement.arguments]
         command = text_of(values[0]).lstrip("#").upper() if values else ""
         argument = values[1] if len(values) > 1 else UNKNOWN
@@ -457,7 +434,7 @@ class Interpreter:
             self.unjudged(f"BAS(#{command})", f"BAS(#{command}) is not checked")
         self._missing_frames()
 
-    def _resolve(self, name: str) -> tuple[KrlModule, Routine] | None:
+    def _resolve(self, name: str) -> tuple[krl.KrlModule, krl.Routine] | None:
         here = self._stack[-1].module
         local = here.routine(name)
         if local is not None:
@@ -473,9 +450,9 @@ class Interpreter:
 
     def _run_routine(
         self,
-        module: KrlModule,
-        routine: Routine,
-        arguments: Sequence[Node | None],
+        module: krl.KrlModule,
+        routine: krl.Routine,
+        arguments: Sequence[krl.Node | None],
         values: Sequence[Any] | None = None,
     ) -> Any:  # noqa: ANN401
         """Run a routine; ``values`` of its arguments, where they are known already."""
@@ -490,11 +467,11 @@ class Interpreter:
         done = self._execute(module, routine, tuple(zip(names, values, strict=False)))
         self._line = line
         for parameter, name, node in zip(routine.parameters, names, arguments, strict=False):
-            if parameter.mode != "IN" and isinstance(node, Reference):
+            if parameter.mode != "IN" and isinstance(node, krl.Reference):
                 self._assign_node(node, done.local.plain.get(name, UNKNOWN))
         return self._memory.typed(done.result, routine.result_type or "", routine.name)
 
-    def _function(self, name: str, arguments: tuple[Node | None, ...]) -> Any:  # noqa: ANN401
+    def _function(self, name: str, arguments: tuple[krl.Node | None, ...]) -> Any:  # noqa: ANN401
         found = self._resolve(name.upper())
         if found is not None:
             return self._run_routine(*found, arguments)
@@ -506,7 +483,7 @@ class Interpreter:
             return UNKNOWN
         return known([self._argument(node) for node in arguments])
 
-    def _instruction(self, statement: Raw) -> None:
+    def _instruction(self, statement: krl.Raw) -> None:
         """Pass an instruction that is kept as written, unless it may move the arm."""
         if not is_quiet(statement):
             text = f"{statement.word} is not checked: it may move the arm or change how it moves"
@@ -515,15 +492,15 @@ class Interpreter:
             self._aside(statement.word)
         self._forget(map(_node, reading(statement)))
 
-    def _forget(self, nodes: Iterable[Node | None]) -> None:
+    def _forget(self, nodes: Iterable[krl.Node | None]) -> None:
         """Take the variables that something unknown may have written as not known."""
         for node in nodes:
-            if isinstance(node, Reference) and not node.name.startswith("$"):
+            if isinstance(node, krl.Reference) and not node.name.startswith("$"):
                 self._assign_node(node, UNKNOWN)
 
-    def _trigger(self, statement: Trigger) -> None:
+    def _trigger(self, statement: krl.Trigger) -> None:
         action = statement.action
-        harmless = isinstance(action, Assign) and is_still(action.target)
+        harmless = isinstance(action, krl.Assign) and is_still(action.target)
         if not (harmless or self._trust.is_hook(action) or self._trust.is_idle(action)):
             self.unjudged("TRIGGER", "a trigger does more than to switch an output or call a hook")
             return
@@ -537,7 +514,7 @@ class Interpreter:
                 self._aside("TRIGGER")
             recorder.in_trigger = False
 
-    def _interrupt(self, statement: Interrupt) -> None:
+    def _interrupt(self, statement: krl.Interrupt) -> None:
         """Note whether the delivered interrupt 3 is at work; what others do is not followed."""
         number = None if statement.number is None else self.evaluator.value(statement.number)
         action = statement.action
@@ -549,7 +526,7 @@ class Interpreter:
                 self.state.note(STOPMESS, on=stops and STOPMESS in self.state.values.done)
                 if stops:
                     return
-            if not (isinstance(action, Call) and self._trust.accepts(action.name)):
+            if not (isinstance(action, krl.Call) and self._trust.accepts(action.name)):
                 text = "an interrupt may act at any moment, in the middle of a cut as well"
                 self.unjudged("INTERRUPT", text)
         elif number == 3 or (statement.word in ("OFF", "DISABLE") and not isinstance(number, int)):
@@ -557,7 +534,7 @@ class Interpreter:
             declared = f"{STOPMESS} DECL" in self.state.values.done
             self.state.note(STOPMESS, on=is_on and declared)
 
-    def _wait(self, statement: WaitSec) -> None:
+    def _wait(self, statement: krl.WaitSec) -> None:
         seconds = self.evaluator.value(statement.seconds)
         number = float(seconds) if isinstance(seconds, int | float) else math.nan
         if math.isnan(number):
@@ -567,10 +544,10 @@ class Interpreter:
             self.finding(RunKind.WAIT, text)
         self._stand(EventWord.DWELL, "WAIT SEC", number)
 
-    def _wait_for(self, statement: WaitFor) -> None:
+    def _wait_for(self, statement: krl.WaitFor) -> None:
         self._stand(EventWord.WAIT_FOR, statement.condition)
 
-    def _halt(self, _statement: Halt) -> None:
+    def _halt(self, _statement: krl.Halt) -> None:
         self._stand(EventWord.HALT, "HALT")
 
     def _stand(self, word: EventWord, name: str, value: float = math.nan) -> None:
@@ -585,23 +562,23 @@ class Interpreter:
         return self._world.joints(self.recorder.trace(self.state))
 
 
-def _is_stop_message(statement: Interrupt) -> bool:
+def _is_stop_message(statement: krl.Interrupt) -> bool:
     """Return whether an interrupt is the one of the delivered INI."""
     condition = "".join(statement.condition.upper().split())
     return (
         condition in ("$STOPMESS==TRUE", "$STOPMESS")
-        and isinstance(statement.action, Call)
+        and isinstance(statement.action, krl.Call)
         and statement.action.name.upper() == "IR_STOPM"
     )
 
 
-def _is_form(value: Value) -> bool:
+def _is_form(value: krl.Value) -> bool:
     """Return whether a function of the inline forms gives a value."""
-    node = parse_expression(value.text) if isinstance(value, Expr) else None
-    return isinstance(node, FunctionCall) and predefined(node.name) is not None
+    node = krl.parse_expression(value.text) if isinstance(value, krl.Expr) else None
+    return isinstance(node, krl.FunctionCall) and predefined(node.name) is not None
 
 
-def _node(value: Value | None) -> Node | None:
-    if isinstance(value, Expr):
-        return parse_expression(value.text)
+def _node(value: krl.Value | None) -> krl.Node | None:
+    if isinstance(value, krl.Expr):
+        return krl.parse_expression(value.text)
     return value

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
+from postproc import krl
 from postproc.controller.control import Activation
 from postproc.controller.runtime import (
     UNKNOWN,
@@ -18,19 +19,6 @@ from postproc.controller.runtime import (
 )
 from postproc.controller.trace import World
 from postproc.errors import SourceRef
-from postproc.krl import (
-    Aggregate,
-    Assign,
-    Declaration,
-    Expr,
-    KrlModule,
-    Node,
-    Raw,
-    Reference,
-    Statement,
-    Value,
-    parse_expression,
-)
 
 _STRUCTURE = re.compile(r"\s*(?:GLOBAL\s+)?STRUC\s+(\w+)\s+(.*)", re.IGNORECASE)
 _EXTERNAL = {f"E{axis}": "REAL" for axis in range(1, 7)}
@@ -61,11 +49,11 @@ class Memory:
 
     def __init__(
         self,
-        modules: Mapping[str, KrlModule],
+        modules: Mapping[str, krl.KrlModule],
         world: World,
         system_value: Callable[[str], Any],
-        function: Callable[[str, tuple[Node | None, ...]], Any],
-        stored: Callable[[Reference, Variables], None],
+        function: Callable[[str, tuple[krl.Node | None, ...]], Any],
+        stored: Callable[[krl.Reference, Variables], None],
         refused: Callable[[str, SourceRef | None], None],
     ) -> None:
         self.evaluator, self._stored = Evaluator(self.lookup, system_value, function), stored
@@ -81,7 +69,7 @@ class Memory:
             self._everywhere.arrays[kind] = {(number,): pose for number, pose in poses.items()}
         self._everywhere.plain.update({key.upper(): value for key, value in world.points.items()})
 
-    def load(self, modules: Mapping[str, KrlModule]) -> None:
+    def load(self, modules: Mapping[str, krl.KrlModule]) -> None:
         """Take in the structures and the data lists of the modules."""
         for module in modules.values():
             for routine in module.routines:
@@ -91,17 +79,17 @@ class Memory:
             for statement in module.data.statements if module.data is not None else ():
                 scope = self._data[name]
                 self._reading = SourceRef(module.dat_path, statement.line)
-                if isinstance(statement, Declaration):
+                if isinstance(statement, krl.Declaration):
                     public = statement.is_global or not module.routines
                     self._define(self._everywhere if public else scope, statement)
-                elif isinstance(statement, Assign):
-                    self._initial(parse_expression(statement.target), statement.value, scope)
+                elif isinstance(statement, krl.Assign):
+                    self._initial(krl.parse_expression(statement.target), statement.value, scope)
 
         self._reading = None
 
-    def _learn(self, statements: Iterable[Statement]) -> None:
+    def _learn(self, statements: Iterable[krl.Statement]) -> None:
         """Note the types of the components of structures; of arrays in them none."""
-        for text in [s.text for s in statements if type(s) is Raw]:
+        for text in [s.text for s in statements if type(s) is krl.Raw]:
             found = _STRUCTURE.match(text)
             fields: dict[str, str] = {}
             type_name = ""
@@ -115,7 +103,7 @@ class Memory:
     def typed(self, value: Any, type_name: str, name: str) -> Any:  # noqa: ANN401
         """Return a value as what was declared so takes it, ``UNKNOWN`` where it cannot."""
         fields = self._fields.get(type_name.upper(), {})
-        if isinstance(value, Aggregate) and fields:
+        if isinstance(value, krl.Aggregate) and fields:
             items = [
                 (key, self.typed(item, fields.get(key.upper(), ""), f"{name}.{key}"))
                 for key, item in value.fields
@@ -128,23 +116,23 @@ class Memory:
             return UNKNOWN
         return found
 
-    def _initial(self, node: Node, value: Value, scope: Variables) -> None:
-        if isinstance(node, Reference):
+    def _initial(self, node: krl.Node, value: krl.Value, scope: Variables) -> None:
+        if isinstance(node, krl.Reference):
             holder = scope if node.name in scope else self._everywhere
             self._put(holder, node, self.evaluator.value(value))
 
-    def declare(self, statement: Declaration) -> None:
+    def declare(self, statement: krl.Declaration) -> None:
         """Declare variables of the routine that runs."""
         self._define(self.stack[-1].local, statement)
 
-    def _define(self, scope: Variables, statement: Declaration) -> None:
+    def _define(self, scope: Variables, statement: krl.Declaration) -> None:
         for variable in statement.variables:
             name, type_name = variable.name.upper(), statement.type_name.upper()
             scope.types[name] = type_name
             if variable.dimension is not None:
                 scope.arrays.setdefault(name, {})
             value = variable.value
-            if isinstance(value, Expr):
+            if isinstance(value, krl.Expr):
                 value = self.evaluator.value(value)
             # A parameter is declared once more inside its routine: it keeps its value.
             if value is None:
@@ -169,7 +157,7 @@ class Memory:
             return False
         return name not in self._foreign or name in scope.types
 
-    def put(self, node: Reference, value: Any) -> None:  # noqa: ANN401 - KRL values are of many types
+    def put(self, node: krl.Reference, value: Any) -> None:  # noqa: ANN401 - KRL values are of many types
         """Store a value in a variable, an array element or a component of either."""
         scope = self.lookup(node.name)
         if scope is None:
@@ -177,7 +165,7 @@ class Memory:
             self._foreign.add(node.name)
         self._put(scope, node, value)
 
-    def _put(self, scope: Variables, node: Reference, value: Any) -> None:  # noqa: ANN401
+    def _put(self, scope: Variables, node: krl.Reference, value: Any) -> None:  # noqa: ANN401
         path = tuple(item for item in node.selectors if isinstance(item, str))
         index = next((item for item in node.selectors if not isinstance(item, str)), None)
         type_name = scope.types.get(node.name, "")

@@ -11,25 +11,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
+from postproc import krl
 from postproc.arrays import FloatArray
 from postproc.geometry import inverse, kuka_from_transform, transform_from_kuka
-from postproc.krl import (
-    Aggregate,
-    Axes,
-    Binary,
-    Enum,
-    Expr,
-    FunctionCall,
-    Node,
-    Pose,
-    Reference,
-    Structure,
-    Text,
-    Unary,
-    Value,
-    parse_expression,
-    pose_or_axes,
-)
 from postproc.units import DEG
 
 
@@ -58,9 +42,9 @@ POSE_FIELDS = {
 AXES_FIELDS = {f"A{i}": f"a{i}_deg" for i in range(1, 7)}
 _HELD: dict[str, tuple[type, ...]] = {
     "BOOL": (bool,),
-    "CHAR": (Text,),
-    **dict.fromkeys(("POS", "E6POS", "FRAME"), (Pose, Aggregate)),
-    **dict.fromkeys(("AXIS", "E6AXIS"), (Axes, Aggregate)),
+    "CHAR": (krl.Text,),
+    **dict.fromkeys(("POS", "E6POS", "FRAME"), (krl.Pose, krl.Aggregate)),
+    **dict.fromkeys(("AXIS", "E6AXIS"), (krl.Axes, krl.Aggregate)),
 }
 """What variables of these types hold; an aggregate is one of which not all is known."""
 _DEGREES: dict[str, Callable[[float], float]] = {
@@ -119,38 +103,38 @@ class Evaluator:
         self,
         lookup: Callable[[str], Variables | None],
         system: Callable[[str], Any],
-        call: Callable[[str, tuple[Node | None, ...]], Any],
+        call: Callable[[str, tuple[krl.Node | None, ...]], Any],
     ) -> None:
         self._lookup = lookup
         self._system = system
         self._call = call
 
-    def value(self, value: Value | None) -> Any:  # noqa: ANN401 - KRL values are of many types
+    def value(self, value: krl.Value | None) -> Any:  # noqa: ANN401 - KRL values are of many types
         """Return what a value of the program type stands for."""
-        if isinstance(value, Expr):
-            return self.node(parse_expression(value.text))
-        if isinstance(value, Aggregate):
+        if isinstance(value, krl.Expr):
+            return self.node(krl.parse_expression(value.text))
+        if isinstance(value, krl.Aggregate):
             fields = tuple((name, self.value(item)) for name, item in value.fields)
             return _structure(value.type_name, fields)
         return UNKNOWN if value is None else value
 
-    def node(self, node: Node) -> Any:  # noqa: ANN401 - as above
+    def node(self, node: krl.Node) -> Any:  # noqa: ANN401 - as above
         """Return the value of an expression tree."""
-        if isinstance(node, Reference):
+        if isinstance(node, krl.Reference):
             return self._reference(node)
-        if isinstance(node, Binary):
+        if isinstance(node, krl.Binary):
             return self._binary(node)
-        if isinstance(node, Unary):
+        if isinstance(node, krl.Unary):
             return _unary(node.operator, self.node(node.operand))
-        if isinstance(node, FunctionCall):
+        if isinstance(node, krl.FunctionCall):
             return self._function(node)
-        if isinstance(node, Structure):
+        if isinstance(node, krl.Structure):
             return _structure(
                 node.type_name, tuple((name, self.node(item)) for name, item in node.fields)
             )
         return self.value(node)
 
-    def key(self, node: Reference) -> str | None:
+    def key(self, node: krl.Reference) -> str | None:
         """Return a reference as canonical text with its indices computed; None if unknown."""
         text = node.name
         for selector in node.selectors:
@@ -163,14 +147,14 @@ class Evaluator:
             text += "[" + ",".join(str(index) for index in indices) + "]"
         return text
 
-    def indices(self, selector: tuple[Node, ...]) -> Indices | None:
+    def indices(self, selector: tuple[krl.Node, ...]) -> Indices | None:
         """Return the indices of an array element; None if one is unknown."""
         values = [self.node(item) for item in selector]
         if any(isinstance(v, bool) or not isinstance(v, int) for v in values):
             return None
         return tuple(values)
 
-    def _reference(self, node: Reference) -> Any:  # noqa: ANN401
+    def _reference(self, node: krl.Reference) -> Any:  # noqa: ANN401
         if node.name.startswith("$"):
             key = self.key(node)
             return UNKNOWN if key is None else self._system(key)
@@ -187,7 +171,7 @@ class Evaluator:
                 value = UNKNOWN if indices is None else elements.get(indices, UNKNOWN)
         return value
 
-    def _binary(self, node: Binary) -> Any:  # noqa: ANN401
+    def _binary(self, node: krl.Binary) -> Any:  # noqa: ANN401
         left = self.node(node.left)
         if node.operator == "AND" and left is False:
             return False
@@ -201,7 +185,7 @@ class Evaluator:
             return frame_product(left, right)
         return _arithmetic(node.operator, left, right)
 
-    def _function(self, node: FunctionCall) -> Any:  # noqa: ANN401
+    def _function(self, node: krl.FunctionCall) -> Any:  # noqa: ANN401
         name = node.name.upper()
         if name in _DEGREES or name in ("ATAN2", "INV_POS", "INV"):
             arguments = [UNKNOWN if a is None else self.node(a) for a in node.arguments]
@@ -211,14 +195,14 @@ class Evaluator:
 
 def component(value: Any, name: str) -> Any:  # noqa: ANN401
     """Return a component of a structure, ``UNKNOWN`` if there is none."""
-    if isinstance(value, Pose | Axes):
+    if isinstance(value, krl.Pose | krl.Axes):
         if len(name) == 2 and name[0] == "E":
             number = int(name[1]) if name[1].isdigit() else 0
             return value.external[number - 1] if 0 < number <= len(value.external) else UNKNOWN
-        fields = POSE_FIELDS if isinstance(value, Pose) else AXES_FIELDS
+        fields = POSE_FIELDS if isinstance(value, krl.Pose) else AXES_FIELDS
         found = getattr(value, fields[name]) if name in fields else None
         return UNKNOWN if found is None else found
-    if isinstance(value, Aggregate):
+    if isinstance(value, krl.Aggregate):
         found = value.get(name)
         return UNKNOWN if found is None else found
     return UNKNOWN
@@ -231,17 +215,17 @@ def with_component(value: Any, path: tuple[str, ...], new: Any) -> Any:  # noqa:
     name, rest = path[0], path[1:]
     inner = with_component(component(value, name), rest, new)
     is_number = isinstance(inner, int | float) and not isinstance(inner, bool)
-    if isinstance(value, Pose | Axes) and not is_number:
+    if isinstance(value, krl.Pose | krl.Axes) and not is_number:
         return UNKNOWN
-    if isinstance(value, Pose) and name in POSE_FIELDS:
+    if isinstance(value, krl.Pose) and name in POSE_FIELDS:
         return replace(value, **{POSE_FIELDS[name]: inner})
-    if isinstance(value, Axes) and name in AXES_FIELDS:
+    if isinstance(value, krl.Axes) and name in AXES_FIELDS:
         return replace(value, **{AXES_FIELDS[name]: inner})
-    if isinstance(value, Pose | Axes) and name in {f"E{i}" for i in range(1, 7)}:
+    if isinstance(value, krl.Pose | krl.Axes) and name in {f"E{i}" for i in range(1, 7)}:
         external = list(value.external) + [0.0] * max(0, int(name[1]) - len(value.external))
         external[int(name[1]) - 1] = inner
         return replace(value, external=tuple(external))
-    fields = list(value.fields) if isinstance(value, Aggregate) else []
+    fields = list(value.fields) if isinstance(value, krl.Aggregate) else []
     kept = [(key, item) for key, item in fields if key.upper() != name]
     return _structure("", (*kept, (name, inner)))
 
@@ -264,7 +248,7 @@ def converted(value: Any, type_name: str) -> Any:  # noqa: ANN401
     if type_name in _HELD:
         return value if isinstance(value, _HELD[type_name]) else None
     # an enumeration or a structure of any name, and none of the values of the other types
-    return None if is_number or isinstance(value, bool | Text) else value
+    return None if is_number or isinstance(value, bool | krl.Text) else value
 
 
 def _whole(value: float) -> int | None:
@@ -281,10 +265,10 @@ def _structure(type_name: str, fields: tuple[tuple[str, Any], ...]) -> Any:  # n
         if isinstance(value, int | float) and not isinstance(value, bool)
     ]
     if numbers and len(numbers) == len(fields):
-        shaped = pose_or_axes(type_name, numbers)
+        shaped = krl.pose_or_axes(type_name, numbers)
         if shaped is not None:
             return shaped
-    return Aggregate(fields, type_name)
+    return krl.Aggregate(fields, type_name)
 
 
 def _unary(operator: str, value: Any) -> Any:  # noqa: ANN401
@@ -308,7 +292,7 @@ def _arithmetic(operator: str, left: Any, right: Any) -> Any:  # noqa: ANN401
         if operator == "/":
             whole = isinstance(left, int) and isinstance(right, int)
             return int(left / right) if whole else left / right
-        if isinstance(left, Enum) and isinstance(right, Enum):
+        if isinstance(left, krl.Enum) and isinstance(right, krl.Enum):
             left, right = left.name.upper(), right.name.upper()
         result = _ARITHMETIC[operator](left, right)
     except (TypeError, ZeroDivisionError, OverflowError, KeyError):
@@ -333,7 +317,7 @@ def _builtin(name: str, arguments: list[Any]) -> Any:  # noqa: ANN401
 
 def frame_product(left: Any, right: Any) -> Any:  # noqa: ANN401
     """Return ``left : right``, the pose ``right`` given in the frame ``left``."""
-    if not (isinstance(left, Pose) and isinstance(right, Pose)):
+    if not (isinstance(left, krl.Pose) and isinstance(right, krl.Pose)):
         return UNKNOWN
     product = pose_of(matrix_of(left) @ matrix_of(right))
     return replace(
@@ -345,26 +329,26 @@ def frame_product(left: Any, right: Any) -> Any:  # noqa: ANN401
     )
 
 
-def matrix_of(pose: Pose) -> FloatArray:
+def matrix_of(pose: krl.Pose) -> FloatArray:
     """Return the transform (4, 4) [m] of a pose; missing components count as 0."""
     xyz = [pose.x_mm or 0.0, pose.y_mm or 0.0, pose.z_mm or 0.0]
     abc = [pose.a_deg or 0.0, pose.b_deg or 0.0, pose.c_deg or 0.0]
     return transform_from_kuka(xyz, abc)
 
 
-def pose_of(T: FloatArray) -> Pose:
+def pose_of(T: FloatArray) -> krl.Pose:
     """Return a transform (4, 4) [m] as a pose [mm, deg]."""
     xyz, abc = kuka_from_transform(T)
-    return Pose(*xyz.tolist(), *abc.tolist())
+    return krl.Pose(*xyz.tolist(), *abc.tolist())
 
 
-def pose_with(values: Sequence[float | None], like: Pose) -> Pose:
+def pose_with(values: Sequence[float | None], like: krl.Pose) -> krl.Pose:
     """Return a pose of X..C [mm, deg] with the rest of another."""
     x, y, z, a, b, c = values
     return replace(like, x_mm=x, y_mm=y, z_mm=z, a_deg=a, b_deg=b, c_deg=c)
 
 
-def axes_with(values: Sequence[float | None], like: Axes) -> Axes:
+def axes_with(values: Sequence[float | None], like: krl.Axes) -> krl.Axes:
     """Return joint angles A1..A6 [deg] with the rest of others."""
     a1, a2, a3, a4, a5, a6 = values
     return replace(like, a1_deg=a1, a2_deg=a2, a3_deg=a3, a4_deg=a4, a5_deg=a5, a6_deg=a6)
@@ -372,9 +356,9 @@ def axes_with(values: Sequence[float | None], like: Axes) -> Axes:
 
 def text_of(value: Any) -> str:  # noqa: ANN401
     """Return a short text of a value for messages."""
-    if isinstance(value, Enum):
+    if isinstance(value, krl.Enum):
         return f"#{value.name}"
-    if isinstance(value, Text):
+    if isinstance(value, krl.Text):
         return value.value
     return str(value)
 

@@ -14,20 +14,11 @@ from typing import Any
 
 import numpy as np
 
+from postproc import krl
 from postproc.arrays import FloatArray
 from postproc.controller.runtime import UNKNOWN, component, matrix_of, pose_of, text_of
 from postproc.controller.trace import Settings
 from postproc.geometry import inverse
-from postproc.krl import (
-    Aggregate,
-    Axes,
-    Enum,
-    Pose,
-    SystemVariable,
-    components,
-    initial_values,
-    system_variable,
-)
 from postproc.records import dataclass
 from postproc.units import DEG, MM, PERCENT
 
@@ -73,7 +64,7 @@ class Values:
     base_number: int = 0
     load_number: int = 0
     load_mass: float = math.nan
-    system: Mapping[str, Scalar] = field(default_factory=initial_values)
+    system: Mapping[str, Scalar] = field(default_factory=krl.initial_values)
     done: frozenset[str] = frozenset()
 
     @property
@@ -93,7 +84,10 @@ class MotionState:
     """
 
     def __init__(
-        self, tools: Mapping[int, Pose], bases: Mapping[int, Pose], T_world_robroot: FloatArray
+        self,
+        tools: Mapping[int, krl.Pose],
+        bases: Mapping[int, krl.Pose],
+        T_world_robroot: FloatArray,
     ) -> None:
         self.tool_data = dict(tools)
         self.base_data = dict(bases)
@@ -226,12 +220,12 @@ class MotionState:
             number = max(int(number), 0)
             self._set("$BASE", base=self._base_row(matrix_of(pose)), base_number=number)
 
-    def _numbered(self, data: Mapping[int, Pose], number: Any, what: str) -> Pose | None:  # noqa: ANN401
+    def _numbered(self, data: Mapping[int, krl.Pose], number: Any, what: str) -> krl.Pose | None:  # noqa: ANN401
         if isinstance(number, bool) or not isinstance(number, int):
             self.missing.append(f"{what} of a number that is not known")
             return None
         if number <= 0:
-            return Pose(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+            return krl.Pose(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         if number not in data:
             known = ", ".join(str(n) for n in sorted(data)) or "none"
             self.missing.append(f"{what} {number} is not defined, the cell has {known}")
@@ -240,7 +234,7 @@ class MotionState:
 
     def set_frame(self, name: str, value: Any, number: int) -> None:  # noqa: ANN401
         """Take a pose as $TOOL or $BASE."""
-        if not isinstance(value, Pose):
+        if not isinstance(value, krl.Pose):
             self.missing.append(f"{name} is set to a frame that is not known")
             return
         T = matrix_of(value)
@@ -259,7 +253,7 @@ class MotionState:
         if key == "$LOAD" or key.startswith("$LOAD."):
             self._own_load(key, value)
             return True
-        if key in initial_values():
+        if key in krl.initial_values():
             self._followed(key, value)
             return True
         parts = _parts(value)
@@ -270,11 +264,11 @@ class MotionState:
 
     def _followed(self, key: str, value: Any) -> None:  # noqa: ANN401
         """Set a variable of the table that is followed, if it takes the value."""
-        variable = system_variable(key)
+        variable = krl.system_variable(key)
         if variable is None:
             return
         if variable.constants:
-            name = value.name.upper() if isinstance(value, Enum) else ""
+            name = value.name.upper() if isinstance(value, krl.Enum) else ""
             if name in variable.constants:
                 self._set(variable.name, **{key: name})
             else:
@@ -287,7 +281,7 @@ class MotionState:
             self._set(variable.name, **{key: float(value)})
 
     @staticmethod
-    def _may_stand_still(variable: SystemVariable, value: float) -> bool:
+    def _may_stand_still(variable: krl.SystemVariable, value: float) -> bool:
         """Whether a speed is 0: the checks of the motions say that the arm would not move."""
         return value == 0 and variable.name in ("$VEL.CP", "$VEL_AXIS", "$ACC_AXIS")
 
@@ -302,7 +296,7 @@ class MotionState:
         """Return a system variable of the motion state, ``UNKNOWN`` for any other."""
         if key in self.values.system:
             value = self.values.system[key]
-            return Enum(value) if isinstance(value, str) else value
+            return krl.Enum(value) if isinstance(value, str) else value
         if key in ("$ACT_TOOL", "$ACT_BASE"):
             values = self.values
             return values.tool_number if key == "$ACT_TOOL" else values.base_number
@@ -380,7 +374,7 @@ class MotionState:
 
     def frame_data(self, fdat: Any) -> None:  # noqa: ANN401
         """Take tool, base and interpolation mode of a FDAT."""
-        if not isinstance(fdat, Aggregate):
+        if not isinstance(fdat, krl.Aggregate):
             self.missing.append("the frame data (FDAT) of the motion are not known")
             return
         self.select_tool(component(fdat, "TOOL_NO"))
@@ -390,7 +384,7 @@ class MotionState:
 
     def motion_data(self, data: Any) -> None:  # noqa: ANN401
         """Take acceleration, approximation and all else of a PDAT or LDAT."""
-        if not isinstance(data, Aggregate):
+        if not isinstance(data, krl.Aggregate):
             self.unjudged.append(("PDAT", "the motion data (PDAT, LDAT) are not known"))
             return
         is_ptp = self.approximation(data)
@@ -403,12 +397,12 @@ class MotionState:
             elif part not in ("VEL", "APO_DIST", "APO_MODE"):
                 self._set("", **dict(_leaves(f"{'PDAT' if is_ptp else 'LDAT'}.{part}", value)))
 
-    def approximation(self, data: Aggregate) -> bool:
+    def approximation(self, data: krl.Aggregate) -> bool:
         """Take the approximation of a PDAT or LDAT; return whether it is that of a PTP."""
         distance, mode = component(data, "APO_DIST"), component(data, "APO_MODE")
         is_ptp = component(data, "ORI_TYP") is UNKNOWN and component(data, "AXIS_VEL") is UNKNOWN
         if _is_number(distance):
-            in_percent = is_ptp and not (isinstance(mode, Enum) and mode.name.upper() == "CDIS")
+            in_percent = is_ptp and not (isinstance(mode, krl.Enum) and mode.name.upper() == "CDIS")
             self._followed("$APO.CPTP" if in_percent else "$APO.CDIS", distance)
         return is_ptp
 
@@ -418,7 +412,7 @@ def _is_number(value: Any) -> bool:  # noqa: ANN401
 
 
 def _default(key: str) -> float:
-    return float(initial_values()[key])
+    return float(krl.initial_values()[key])
 
 
 def _shares(name: str, system: Mapping[str, Any]) -> tuple[float, ...]:
@@ -428,9 +422,9 @@ def _shares(name: str, system: Mapping[str, Any]) -> tuple[float, ...]:
 
 def _parts(value: Any) -> list[tuple[str, Any]]:  # noqa: ANN401 - a KRL value
     """Return the components of a structure, none of anything else."""
-    if isinstance(value, Aggregate):
+    if isinstance(value, krl.Aggregate):
         return list(value.fields)
-    return list(components(value)) if isinstance(value, Pose | Axes) else []
+    return list(krl.components(value)) if isinstance(value, krl.Pose | krl.Axes) else []
 
 
 def _leaves(key: str, value: Any) -> Iterator[tuple[str, Scalar]]:  # noqa: ANN401

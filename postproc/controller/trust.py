@@ -4,27 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Set
 
+from postproc import krl
 from postproc.controller.library import (
     COMMAND_CHANNEL,
     QUIET,
     READING,
     SILENT,
     is_still,
-)
-from postproc.krl import (
-    Assign,
-    Call,
-    Control,
-    Expr,
-    Interrupt,
-    KrlModule,
-    Move,
-    Raw,
-    Routine,
-    SplineBegin,
-    Statement,
-    Trigger,
-    Value,
 )
 
 _MAX_DEPTH = 5
@@ -33,16 +19,16 @@ _DATA = frozenset({"FDAT_ACT", "PDAT_ACT", "LDAT_ACT", "TOOL_DATA", "BASE_DATA",
 _JUMPS = ("GOTO", "EXIT", "RETURN", "RESUME")
 
 
-def is_quiet(statement: Raw) -> bool:
+def is_quiet(statement: krl.Raw) -> bool:
     """Return whether an instruction that is kept as written has nothing to do with motion."""
     return statement.word in QUIET and COMMAND_CHANNEL not in statement.text.upper()
 
 
-def reading(statement: Raw) -> Iterator[Value | None]:
+def reading(statement: krl.Raw) -> Iterator[krl.Value | None]:
     """Yield what an instruction that is kept as written may write into."""
     if statement.word in READING:
         _, _, arguments = statement.text.partition("(")
-        yield from (Expr(text.strip()) for text in arguments.rstrip(") ").split(","))
+        yield from (krl.Expr(text.strip()) for text in arguments.rstrip(") ").split(","))
 
 
 class Trust:
@@ -58,7 +44,7 @@ class Trust:
         self,
         hooks: Set[str],
         accept: Set[str],
-        resolve: Callable[[str], tuple[KrlModule, Routine] | None],
+        resolve: Callable[[str], tuple[krl.KrlModule, krl.Routine] | None],
     ) -> None:
         self._hooks, self._accept, self._resolve = hooks, accept, resolve
 
@@ -69,46 +55,48 @@ class Trust:
             name in self._accept or name.partition("[")[0] in self._accept
         )
 
-    def is_hook(self, action: Statement) -> bool:
+    def is_hook(self, action: krl.Statement) -> bool:
         """Return whether a statement calls the integrator's process, or what is accepted.
 
         A hook whose lines are in these files has to be idle as well: nobody waits for it here.
         """
-        if not isinstance(action, Call):
+        if not isinstance(action, krl.Call):
             return False
         name = action.name.upper()
         if self.accepts(name):
             return True
         return name in self._hooks and (self._resolve(name) is None or self._is_idle_body(name, 0))
 
-    def is_idle(self, statement: Statement, depth: int = 0) -> bool:
+    def is_idle(self, statement: krl.Statement, depth: int = 0) -> bool:
         """Return whether a statement neither moves the arm nor changes how it moves."""
-        if isinstance(statement, Assign):
+        if isinstance(statement, krl.Assign):
             target = statement.target.upper()
             if target.startswith("$"):
                 return is_still(target)
             return target.partition("[")[0].partition(".")[0] not in _DATA
-        if isinstance(statement, Call):
+        if isinstance(statement, krl.Call):
             return self._is_idle_call(statement.name.upper(), depth)
-        if isinstance(statement, Control):
+        if isinstance(statement, krl.Control):
             return statement.word not in _JUMPS
-        if isinstance(statement, Raw):
+        if isinstance(statement, krl.Raw):
             return is_quiet(statement)
-        return not isinstance(statement, Move | SplineBegin | Interrupt | Trigger)
+        return not isinstance(statement, krl.Move | krl.SplineBegin | krl.Interrupt | krl.Trigger)
 
-    def assigned(self, statements: Iterable[Statement], depth: int = 0) -> Iterator[Value | None]:
+    def assigned(
+        self, statements: Iterable[krl.Statement], depth: int = 0
+    ) -> Iterator[krl.Value | None]:
         """Yield the variables that statements may write into, as they are written."""
         for statement in statements:
-            if isinstance(statement, Assign):
-                yield Expr(statement.target)
-            elif isinstance(statement, Call):
+            if isinstance(statement, krl.Assign):
+                yield krl.Expr(statement.target)
+            elif isinstance(statement, krl.Call):
                 name = statement.name.upper()
                 found = self._resolve(name)
                 if found is not None and depth < _MAX_DEPTH:
                     yield from self.assigned(found[1].statements, depth + 1)
                 elif found is not None or name in SILENT:
                     yield from statement.arguments
-            elif isinstance(statement, Raw):
+            elif isinstance(statement, krl.Raw):
                 yield from reading(statement)
 
     def _is_idle_call(self, name: str, depth: int) -> bool:

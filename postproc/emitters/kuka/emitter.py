@@ -15,6 +15,7 @@ from pathlib import PurePath
 
 import numpy as np
 
+from postproc import krl
 from postproc.cell import Cell, KrlOptions, Kss, Split
 from postproc.emitters.former import part_title
 from postproc.emitters.kuka import restart
@@ -39,19 +40,6 @@ from postproc.emitters.kuka.setup import (
 from postproc.emitters.kuka.template import TemplateSet
 from postproc.errors import EmitError, SourceRef
 from postproc.geometry import kuka_from_transform
-from postproc.krl import (
-    NO_BORDER,
-    Call,
-    DataList,
-    KrlModule,
-    NameAllocator,
-    Part,
-    Routine,
-    Statement,
-    render,
-    split,
-    suffixes,
-)
 from postproc.model import Event, MoveKind, Plan
 from postproc.records import dataclass
 from postproc.units import DEG, PERCENT
@@ -60,7 +48,9 @@ LAST_BASE_OF_KRC2 = 16
 """Larger numbers are its EX_BASE, which ``BAS(#FRAMES)`` selects and ``BAS(#BASE)`` refuses."""
 
 
-def emit(plan: Plan, cell: Cell, *, names: NameAllocator | None = None) -> tuple[KrlModule, ...]:
+def emit(
+    plan: Plan, cell: Cell, *, names: krl.NameAllocator | None = None
+) -> tuple[krl.KrlModule, ...]:
     """Return the modules of a plan, the main program first.
 
     Args:
@@ -79,14 +69,14 @@ def emit(plan: Plan, cell: Cell, *, names: NameAllocator | None = None) -> tuple
         raise EmitError("EMT310", "the plan has no move", SourceRef(plan.toolpath.path))
     if plan.kind[0] != MoveKind.PTP:
         raise EmitError("EMT310", "the plan must begin with a PTP", SourceRef(plan.toolpath.path))
-    return _Program(plan, cell, names or NameAllocator()).modules()
+    return _Program(plan, cell, names or krl.NameAllocator()).modules()
 
 
-def render_files(modules: Sequence[KrlModule]) -> dict[str, bytes]:
+def render_files(modules: Sequence[krl.KrlModule]) -> dict[str, bytes]:
     """Return file name -> bytes of modules, in their order."""
     files: dict[str, bytes] = {}
     for module in modules:
-        src, dat = render(module)
+        src, dat = krl.render(module)
         files[f"{module.name}.src"] = src
         if module.data is not None:
             files[f"{module.name}.dat"] = dat
@@ -99,19 +89,19 @@ class _Program:
 
     plan: Plan
     cell: Cell
-    names: NameAllocator
+    names: krl.NameAllocator
 
-    def modules(self) -> tuple[KrlModule, ...]:
+    def modules(self) -> tuple[krl.KrlModule, ...]:
         """Return the main module and those of the parts."""
         parts = self.parts
-        endings = suffixes(len(parts)) if len(parts) > 1 else ()
+        endings = krl.suffixes(len(parts)) if len(parts) > 1 else ()
         extra = (SETUP_ENDING,) if self.style.setup else ()
         self.names.reserve((HOOKS_MODULE, *self.style.hooks.values()))
         name = self.names.allocate(self.plan.name, (*endings, *extra))
         if endings:
             subs = [name + ending for ending in endings]
             handed = () if self.guards is None else restart.arguments()
-            body = self._main([Call(sub, handed) for sub in subs])
+            body = self._main([krl.Call(sub, handed) for sub in subs])
             modules = [self._module(name, body, self._main_data())]
             modules += [
                 self._module(sub, *self._sub(number, part), is_sub=True)
@@ -124,10 +114,10 @@ class _Program:
             modules = [self._module(name, body, data)]
         return (*modules, *self._extras(name))
 
-    def _main_data(self) -> list[Statement]:
+    def _main_data(self) -> list[krl.Statement]:
         return [] if self.guards is None else restart.main_data()
 
-    def _extras(self, name: str) -> list[KrlModule]:
+    def _extras(self, name: str) -> list[krl.KrlModule]:
         """Return the separate modules that the cell asks for."""
         modules = []
         if self.style.setup:
@@ -148,7 +138,7 @@ class _Program:
         return TemplateSet(self.style.template, SourceRef(self.cell.path))
 
     @cached_property
-    def parts(self) -> tuple[Part, ...]:
+    def parts(self) -> tuple[krl.Part, ...]:
         forced = operation_starts(self.plan) if self.style.split is Split.OPERATIONS else []
         quality = border_quality(self.plan).astype(int)
         within = calls_within(self.plan)
@@ -157,9 +147,9 @@ class _Program:
             borders = [self.guards.is_border(i) for i in later]
             quality[1:] = np.where(borders, quality[1:] + 1, 0)
             within[1:] |= [self.guards.is_within_hole(i) for i in later]
-        quality[within] = NO_BORDER
+        quality[within] = krl.NO_BORDER
         source = SourceRef(self.cell.path)
-        return split(quality, self.style.max_points_per_file, forced, source)
+        return krl.split(quality, self.style.max_points_per_file, forced, source)
 
     @cached_property
     def guards(self) -> HoleGuards | None:
@@ -191,7 +181,7 @@ class _Program:
             found[index].append(event)
         return dict(found)
 
-    def _writer(self, part: Part) -> PartWriter:
+    def _writer(self, part: krl.Part) -> PartWriter:
         style = self.style
         is_named = self.plan.toolpath.names is not None
         points = PointStore(
@@ -277,7 +267,7 @@ class _Program:
             lines.append(f"{name}: {', '.join(six)}")
         return lines
 
-    def _main(self, body: Sequence[Statement]) -> list[Statement]:
+    def _main(self, body: Sequence[krl.Statement]) -> list[krl.Statement]:
         values, texts = {**self._values(0), "frames": self._frames_told()}, self._texts()
         return [
             *self.templates.statements("main_head", values, texts),
@@ -285,7 +275,7 @@ class _Program:
             *self.templates.statements("main_tail", values, texts),
         ]
 
-    def _sub(self, number: int, part: Part) -> tuple[list[Statement], list[Statement]]:
+    def _sub(self, number: int, part: krl.Part) -> tuple[list[krl.Statement], list[krl.Statement]]:
         """Return the statements and the data of a sub-program."""
         values = self._values(part.first)
         title = part_title(number, len(self.parts), part.first, part.stop)
@@ -301,18 +291,20 @@ class _Program:
     def _module(
         self,
         name: str,
-        statements: list[Statement],
-        points: Sequence[Statement] = (),
+        statements: list[krl.Statement],
+        points: Sequence[krl.Statement] = (),
         *,
         is_sub: bool = False,
-    ) -> KrlModule:
+    ) -> krl.KrlModule:
         attributes = self._attributes(name)
         head = self.templates.statements("data_head", {})
-        data = DataList(name, (*head, *points), attributes=attributes)
+        data = krl.DataList(name, (*head, *points), attributes=attributes)
         handed = restart.parameters() if is_sub and self.guards is not None else ()
         if handed:
             statements = [*restart.sub_declarations(), *statements]
-        return KrlModule(name, (Routine(name, tuple(statements), handed),), data, attributes)
+        return krl.KrlModule(
+            name, (krl.Routine(name, tuple(statements), handed),), data, attributes
+        )
 
     def _attributes(self, name: str) -> tuple[str, ...]:
         lines = self.templates.lines("attributes", {"program": name})

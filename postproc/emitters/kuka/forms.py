@@ -7,22 +7,9 @@ newer in a fold of their own (``;Params``).
 
 from __future__ import annotations
 
+from postproc import krl
 from postproc.cell import Kss
 from postproc.emitters.kuka.points import PointStore
-from postproc.krl import (
-    Assign,
-    Call,
-    Comment,
-    Enum,
-    Expr,
-    FoldBegin,
-    FoldEnd,
-    Move,
-    MoveWord,
-    Pose,
-    Statement,
-    numbers,
-)
 from postproc.records import dataclass
 
 SPEED_MAX = 2.0
@@ -38,33 +25,35 @@ class FormWriter:
     points: PointStore
     kss: Kss
 
-    def ptp(self, index: int, pose: Pose, percent: float) -> list[Statement]:
+    def ptp(self, index: int, pose: krl.Pose, percent: float) -> list[krl.Statement]:
         """Return a PTP form; it ends exactly, ``percent`` is the axis speed."""
         name = self.points.form_point(index, pose)
         data = self.points.ptp_data(float(percent))
-        speed = numbers.percent(percent)
+        speed = krl.numbers.percent(percent)
         code = [
-            Assign("PDAT_ACT", Expr(f"P{data}")),
-            Assign("FDAT_ACT", Expr(f"F{name}")),
-            Call("BAS", (Enum("PTP_PARAMS"), float(percent))),
+            krl.Assign("PDAT_ACT", krl.Expr(f"P{data}")),
+            krl.Assign("FDAT_ACT", krl.Expr(f"F{name}")),
+            krl.Call("BAS", (krl.Enum("PTP_PARAMS"), float(percent))),
         ]
         head = f"PTP {name} Vel={speed} % {data} {self._frames(index)}"
         old = f"{_RELEASE},%VPTP,%P 1:PTP, 2:{name}, 3:, 5:{speed}, 7:{data}"
         new = self._params(name, "False", f"MoveDataPtpName={data}", f"VelocityPtp={speed}", "PTP")
-        motion = Move(MoveWord.PTP, Expr(f"X{name}"))
+        motion = krl.Move(krl.MoveWord.PTP, krl.Expr(f"X{name}"))
         return self._form(head, old, new, code, motion)
 
-    def lin(self, index: int, pose: Pose, speed_m_s: float, blend_mm: float) -> list[Statement]:
+    def lin(
+        self, index: int, pose: krl.Pose, speed_m_s: float, blend_mm: float
+    ) -> list[krl.Statement]:
         """Return a LIN form; with ``blend_mm`` > 0 it is approximated."""
         speed_m_s = min(speed_m_s, SPEED_MAX)
         name = self.points.form_point(index, pose)
         data = self.points.cp_data(speed_m_s, blend_mm)
-        speed = numbers.speed(speed_m_s).rstrip("0").rstrip(".")
+        speed = krl.numbers.speed(speed_m_s).rstrip("0").rstrip(".")
         blend = ("C_DIS",) if blend_mm > 0.0 else ()
         code = [
-            Assign("LDAT_ACT", Expr(f"L{data}")),
-            Assign("FDAT_ACT", Expr(f"F{name}")),
-            Call("BAS", (Enum("CP_PARAMS"), speed_m_s)),
+            krl.Assign("LDAT_ACT", krl.Expr(f"L{data}")),
+            krl.Assign("FDAT_ACT", krl.Expr(f"F{name}")),
+            krl.Call("BAS", (krl.Enum("CP_PARAMS"), speed_m_s)),
         ]
         cont = "CONT " if blend else ""
         head = f"LIN {name} {cont}Vel={speed} m/s {data} {self._frames(index)}"
@@ -72,30 +61,30 @@ class FormWriter:
         new = self._params(
             name, str(bool(blend)), f"MoveDataName={data}", f"VelocityPath={speed}", "LIN"
         )
-        motion = Move(MoveWord.LIN, Expr(f"X{name}"), blend=blend)
+        motion = krl.Move(krl.MoveWord.LIN, krl.Expr(f"X{name}"), blend=blend)
         return self._form(head, old, new, code, motion)
 
-    def home(self, percent: float, *, is_spline: bool) -> list[Statement]:
+    def home(self, percent: float, *, is_spline: bool) -> list[krl.Statement]:
         """Return the form of HOME: XHOME, FHOME and PDEFAULT are the controller's own."""
-        speed = numbers.percent(percent)
+        speed = krl.numbers.percent(percent)
         head = f"{'SPTP' if is_spline else 'PTP'} HOME Vel={speed} % DEFAULT"
         if is_spline:
             return self._spline_home(head, speed)
         code = [
-            Assign("PDAT_ACT", Expr("PDEFAULT")),
-            Assign("FDAT_ACT", Expr("FHOME")),
-            Call("BAS", (Enum("PTP_PARAMS"), float(percent))),
+            krl.Assign("PDAT_ACT", krl.Expr("PDEFAULT")),
+            krl.Assign("FDAT_ACT", krl.Expr("FHOME")),
+            krl.Call("BAS", (krl.Enum("PTP_PARAMS"), float(percent))),
         ]
         if not self.kss.has_parameter_folds:
-            code.append(Assign("$H_POS", Expr("XHOME")))
+            code.append(krl.Assign("$H_POS", krl.Expr("XHOME")))
         old = f"{_RELEASE},%VPTP,%P 1:PTP, 2:HOME, 3:, 5:{speed}, 7:DEFAULT"
         new = self._params(
             "HOME", "False", "MoveDataPtpName=DEFAULT", f"VelocityPtp={speed}", "PTP"
         )
-        return self._form(head, old, new, code, Move(MoveWord.PTP, Expr("XHOME")))
+        return self._form(head, old, new, code, krl.Move(krl.MoveWord.PTP, krl.Expr("XHOME")))
 
     @staticmethod
-    def _spline_home(head: str, speed: str) -> list[Statement]:
+    def _spline_home(head: str, speed: str) -> list[krl.Statement]:
         """Return the form of KSS 8.6: what it sets holds for its own motion only."""
         settings = {
             "$VEL_AXIS[1]": f"SVEL_JOINT({float(speed):.1f})",
@@ -114,14 +103,14 @@ class FormWriter:
             f"Kuka.VelocityPtp={speed}; Kuka.VelocityFieldEnabled=True; "
             "Kuka.CurrentCDSetIndex=0; Kuka.MovementParameterFieldEnabled=True; IlfCommand=SPTP"
         )
-        assigned = tuple(Assign(name, Expr(value)) for name, value in settings.items())
+        assigned = tuple(krl.Assign(name, krl.Expr(value)) for name, value in settings.items())
         return [
-            FoldBegin(f"{head} ;%{{PE}}"),
-            FoldBegin("Parameters ;%{h}"),
-            Comment(parameters),
-            FoldEnd(),
-            Move(MoveWord.SPTP, Expr("XHOME"), settings=assigned),
-            FoldEnd(),
+            krl.FoldBegin(f"{head} ;%{{PE}}"),
+            krl.FoldBegin("Parameters ;%{h}"),
+            krl.Comment(parameters),
+            krl.FoldEnd(),
+            krl.Move(krl.MoveWord.SPTP, krl.Expr("XHOME"), settings=assigned),
+            krl.FoldEnd(),
         ]
 
     def _frames(self, index: int) -> str:
@@ -138,17 +127,17 @@ class FormWriter:
         )
 
     def _form(
-        self, head: str, old: str, new: str, code: list[Statement], motion: Move
-    ) -> list[Statement]:
-        begin: list[Statement]
+        self, head: str, old: str, new: str, code: list[krl.Statement], motion: krl.Move
+    ) -> list[krl.Statement]:
+        begin: list[krl.Statement]
         if not self.kss.has_parameter_folds:
-            begin = [FoldBegin(f"{head};%{{PE}}{old}")]
+            begin = [krl.FoldBegin(f"{head};%{{PE}}{old}")]
         else:
             begin = [
-                FoldBegin(f"{head} ;%{{PE}}"),
-                FoldBegin("Parameters ;%{h}"),
-                Comment(new),
-                FoldEnd(),
+                krl.FoldBegin(f"{head} ;%{{PE}}"),
+                krl.FoldBegin("Parameters ;%{h}"),
+                krl.Comment(new),
+                krl.FoldEnd(),
             ]
-            code = [*code, Call("SET_CD_PARAMS", (0,))]
-        return [*begin, Assign("$BWDSTART", False), *code, motion, FoldEnd()]
+            code = [*code, krl.Call("SET_CD_PARAMS", (0,))]
+        return [*begin, krl.Assign("$BWDSTART", False), *code, motion, krl.FoldEnd()]

@@ -5,32 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
 
+from postproc import krl
 from postproc.cell import HomeStyle, KrlOptions, MotionStyle, PointPlace
 from postproc.emitters.kuka.columns import Columns, is_flying
 from postproc.emitters.kuka.events import EventWriter
 from postproc.emitters.kuka.forms import FormWriter
 from postproc.emitters.kuka.points import PointStore
 from postproc.emitters.kuka.restart import STATES, HoleGuards, Key, Stage
-from postproc.krl import (
-    Assign,
-    Axes,
-    Call,
-    Comment,
-    Enum,
-    Expr,
-    FoldBegin,
-    FoldEnd,
-    Move,
-    MoveWord,
-    Part,
-    Pose,
-    SplineBegin,
-    SplineEnd,
-    Statement,
-    Value,
-    WaitSec,
-    comment_text,
-)
 from postproc.model import Event, EventKind, MoveKind, MoveRole, Plan
 from postproc.records import dataclass
 from postproc.units import DEG
@@ -45,8 +26,8 @@ FORM_ROLES = (MoveRole.ENTRY, MoveRole.APPROACH)
 _PTP = int(MoveKind.PTP)
 _QUIET = (EventKind.MESSAGE, EventKind.UNKNOWN)
 _WORDS = {
-    False: (MoveWord.PTP, MoveWord.LIN, MoveWord.CIRC),
-    True: (MoveWord.SPTP, MoveWord.SLIN, MoveWord.SCIRC),
+    False: (krl.MoveWord.PTP, krl.MoveWord.LIN, krl.MoveWord.CIRC),
+    True: (krl.MoveWord.SPTP, krl.MoveWord.SLIN, krl.MoveWord.SCIRC),
 }
 
 
@@ -83,7 +64,7 @@ class PartWriter:
 
     plan: Plan
     table: Columns
-    part: Part
+    part: krl.Part
     style: KrlOptions
     events: EventWriter
     by_index: Mapping[int, Sequence[Event]]
@@ -93,15 +74,15 @@ class PartWriter:
     homes: frozenset[int]
     anchor_percent: float
     guards: HoleGuards | None = None
-    out: list[Statement] = field(default_factory=list)
+    out: list[krl.Statement] = field(default_factory=list)
     modal: Modal = field(default_factory=Modal)
     _operation: int = -1
-    _pending: list[Statement] = field(default_factory=list)
+    _pending: list[krl.Statement] = field(default_factory=list)
     """Triggers that wait for their motion."""
     _key: Key = (Stage.ALWAYS, 0)
     _done: tuple[int, int] = (-1, 0)
     """Move whose first events, so many, have been written."""
-    _words: tuple[MoveWord, MoveWord, MoveWord] = field(init=False)
+    _words: tuple[krl.MoveWord, krl.MoveWord, krl.MoveWord] = field(init=False)
     _orientation_deg_s: float = field(init=False)
     """Of the cell."""
     _blended: tuple[str, ...] = field(init=False)
@@ -116,7 +97,7 @@ class PartWriter:
         self._in_data = self.style.points is PointPlace.DAT
         self._orientation_deg_s = self.style.orientation_speed / DEG
 
-    def statements(self) -> list[Statement]:
+    def statements(self) -> list[krl.Statement]:
         """Return all statements of the moves, events and waits of this file."""
         first = self.part.first
         if self.table.kind[first] != MoveKind.PTP and self.guards is None:
@@ -209,7 +190,7 @@ class PartWriter:
         way = None
         if guards.has_entry(key):
             self._percent(self.table.percent[index] or self.anchor_percent)
-            way = Move(self._words[MoveKind.PTP], self._axes(int(guards.entry[key[1]])))
+            way = krl.Move(self._words[MoveKind.PTP], self._axes(int(guards.entry[key[1]])))
         self.out += guards.enter(key, index, way)
         if index == self.part.first and self.table.kind[index] != MoveKind.PTP:
             self._anchor(index - 1)
@@ -228,7 +209,7 @@ class PartWriter:
         for event in events:
             flying = event.kind not in _QUIET and is_flying(self.plan, index, event.kind)
             if not (is_waited or flying) and self.events.waits(event):
-                self.out.append(WaitSec(0, comment="the advance run stops"))
+                self.out.append(krl.WaitSec(0, comment="the advance run stops"))
                 is_waited = True
             made = self.events.statements(event, flying=flying)
             (self._pending if flying else self.out).extend(made)
@@ -254,21 +235,21 @@ class PartWriter:
         self._operation = operation
         if operation >= 0:
             named = self.plan.toolpath.operations[operation]
-            name = comment_text(named.name)
+            name = krl.comment_text(named.name)
             line = f" (CAM line {named.line})" if self.style.cam_lines else ""
             text = f"OPERATION {operation + 1}: {name}{line}"
-            self.out.append(FoldBegin(f"{text};%{{PE}}"))
+            self.out.append(krl.FoldBegin(f"{text};%{{PE}}"))
 
     def _close_operation(self) -> None:
         if self._operation >= 0:
-            self.out.append(FoldEnd(f"(OPERATION {self._operation + 1})"))
+            self.out.append(krl.FoldEnd(f"(OPERATION {self._operation + 1})"))
         self._operation = -1
 
     def _anchor(self, index: int) -> None:
         """Go to where the file before has ended: no length, but status, turn and place are sure."""
         self._percent(self.anchor_percent)
-        self.out.append(Comment(" re-entry: where the file before ends"))
-        self.out.append(Move(self._words[MoveKind.PTP], self._axes(index)))
+        self.out.append(krl.Comment(" re-entry: where the file before ends"))
+        self.out.append(krl.Move(self._words[MoveKind.PTP], self._axes(index)))
 
     # ------------------------------------------------------------------------- the motions
 
@@ -285,7 +266,7 @@ class PartWriter:
         self._move(index, blend)
 
     def _move(
-        self, index: int, blend: tuple[str, ...] = (), settings: tuple[Assign, ...] = ()
+        self, index: int, blend: tuple[str, ...] = (), settings: tuple[krl.Assign, ...] = ()
     ) -> None:
         """Write the motion itself, behind the triggers that belong to it."""
         table = self.table
@@ -296,7 +277,7 @@ class PartWriter:
             self.out += self._pending
             self._pending.clear()
         self.out.append(
-            Move(
+            krl.Move(
                 self._words[kind],
                 self._target(index, target),
                 auxiliary,
@@ -314,7 +295,7 @@ class PartWriter:
         percent, comment = self.table.percent[index], self._cam_line(index)
         if self.style.home is HomeStyle.FORM:
             if comment:  # outside, as with every form
-                self.out.append(Comment(comment))
+                self.out.append(krl.Comment(comment))
             self.out += self.forms.home(percent, is_spline=self.style.is_spline)
             if not self.style.is_spline:
                 self.modal.disturb()
@@ -325,7 +306,7 @@ class PartWriter:
         if self.modal.is_disturbed:
             self._restore()
         self._percent(percent)
-        self.out.append(Move(self._words[MoveKind.PTP], Expr("XHOME"), comment=comment))
+        self.out.append(krl.Move(self._words[MoveKind.PTP], krl.Expr("XHOME"), comment=comment))
 
     def _form(self, index: int) -> None:
         """Write a motion as an inline form; a CIRC stays as it is."""
@@ -334,7 +315,7 @@ class PartWriter:
             self._motion(index)
             return
         if comment := self._cam_line(index):  # outside: the pad rewrites what is inside
-            self.out.append(Comment(comment))
+            self.out.append(krl.Comment(comment))
         if table.kind[index] == MoveKind.PTP:
             self.out += self.forms.ptp(index, pose, table.percent[index])
         else:
@@ -346,10 +327,10 @@ class PartWriter:
         line, names = self.table.line[index], self.plan.toolpath.names
         if not line or not self.style.cam_lines:
             return ""
-        name = "" if names is None else comment_text(names[self.plan.tag[index]])
+        name = "" if names is None else krl.comment_text(names[self.plan.tag[index]])
         return f" CAM line {line}: {name}" if name else f" CAM line {line}"
 
-    def _target(self, index: int, target: Pose | Axes) -> Value:
+    def _target(self, index: int, target: krl.Pose | krl.Axes) -> krl.Value:
         return self.points.add(index, target) if self._in_data else target
 
     # ------------------------------------------------------------------------ spline blocks
@@ -378,20 +359,20 @@ class PartWriter:
         self._speed(speed)
         self._orientation(min(self.table.orientation_deg_s[first:end]))
         blend = self._blend(end - 1)
-        self.out.append(SplineBegin())
+        self.out.append(krl.SplineBegin())
         for index in range(first, end):
             if index > first:
                 self._before(index)
             own = self.table.speed_m_s[index]
-            settings = () if own == speed else (Assign("$VEL.CP", own),)
+            settings = () if own == speed else (krl.Assign("$VEL.CP", own),)
             self._move(index, settings=settings)
-        self.out.append(SplineEnd(blend=blend))
+        self.out.append(krl.SplineEnd(blend=blend))
 
-    def _axes(self, index: int) -> Axes:
+    def _axes(self, index: int) -> krl.Axes:
         a1, a2, a3, a4, a5, a6 = self.table.axes[index]
-        return Axes(a1, a2, a3, a4, a5, a6, self.table.external[index])
+        return krl.Axes(a1, a2, a3, a4, a5, a6, self.table.external[index])
 
-    def _pose(self, index: int) -> Pose:
+    def _pose(self, index: int) -> krl.Pose:
         return _pose(self.table.pose[index], self.table.external[index])
 
     # ------------------------------------------------------------------------ what is modal
@@ -405,18 +386,18 @@ class PartWriter:
         if percent != self.modal.percent:
             self.modal.percent = percent
             value = int(percent) if percent == int(percent) else percent
-            self.out.append(Call("BAS", (Enum("VEL_PTP"), value)))
+            self.out.append(krl.Call("BAS", (krl.Enum("VEL_PTP"), value)))
 
     def _speed(self, speed_m_s: float) -> None:
         if speed_m_s != self.modal.speed_m_s:
             self.modal.speed_m_s = speed_m_s
-            self.out.append(Assign("$VEL.CP", speed_m_s))
+            self.out.append(krl.Assign("$VEL.CP", speed_m_s))
 
     def _orientation(self, deg_s: float) -> None:
         """Set the speed of the orientation where it is not that of the cell."""
         if deg_s != (self.modal.orientation_deg_s or self._orientation_deg_s):
             self.modal.orientation_deg_s = deg_s
-            self.out += [Assign("$VEL.ORI1", deg_s), Assign("$VEL.ORI2", deg_s)]
+            self.out += [krl.Assign("$VEL.ORI1", deg_s), krl.Assign("$VEL.ORI2", deg_s)]
 
     def _blend(self, index: int) -> tuple[str, ...]:
         """Return the approximation words of a move, after setting its distance.
@@ -429,10 +410,10 @@ class PartWriter:
             return ()
         if self.modal.blend_mm != blend:
             self.modal.blend_mm = blend
-            self.out.append(Assign("$APO.CDIS", blend))
+            self.out.append(krl.Assign("$APO.CDIS", blend))
         return self._blended
 
 
-def _pose(values: Sequence[float], external: tuple[float, ...]) -> Pose:
+def _pose(values: Sequence[float], external: tuple[float, ...]) -> krl.Pose:
     x, y, z, a, b, c = values
-    return Pose(x, y, z, a, b, c, None, None, external)
+    return krl.Pose(x, y, z, a, b, c, None, None, external)

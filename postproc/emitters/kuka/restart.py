@@ -18,18 +18,8 @@ from enum import IntEnum
 
 import numpy as np
 
+from postproc import krl
 from postproc.arrays import AnyIntArray, BoolArray, IntArray
-from postproc.krl import (
-    Assign,
-    Comment,
-    Control,
-    Declaration,
-    Expr,
-    Parameter,
-    Statement,
-    Variable,
-    comment_text,
-)
 from postproc.model import Event, EventKind, MoveKind, MoveRole, Plan
 from postproc.process import NUMBER
 from postproc.records import dataclass
@@ -128,38 +118,38 @@ class HoleGuards:
         """Return whether a move goes on with the stroke of a hole."""
         return self.key(index)[0] is Stage.STROKE and self.key(index) == self.key(index - 1)
 
-    def enter(self, key: Key, index: int, way: Statement | None) -> list[Statement]:
+    def enter(self, key: Key, index: int, way: krl.Statement | None) -> list[krl.Statement]:
         """Return the lines before moves of a stage; ``way``: the motion straight above a hole."""
         stage, hole = key
         if stage is Stage.ALWAYS:
             return []
         limit = {Stage.TRAVEL: int(self.travel[hole]), Stage.STROKE: hole}
-        lines: list[Statement] = [_if(f"{START}<={limit.get(stage, int(self.last[index]))}")]
+        lines: list[krl.Statement] = [_if(f"{START}<={limit.get(stage, int(self.last[index]))}")]
         if stage is Stage.STROKE:
             name = self.plan.toolpath.tag_name(int(self.plan.tag[index]))
-            return [Comment(f" HOLE {hole}: {comment_text(name)}"), *lines]
+            return [krl.Comment(f" HOLE {hole}: {krl.comment_text(name)}"), *lines]
         if stage is Stage.TRAVEL and way is not None:
-            lines += [_if(f"{START}>{int(self.travel[hole - 1])}"), way, Control("ELSE")]
+            lines += [_if(f"{START}>{int(self.travel[hole - 1])}"), way, krl.Control("ELSE")]
         return lines
 
     def has_entry(self, key: Key) -> bool:
         """Return whether the program may begin with the way to this hole."""
         return key[0] is Stage.TRAVEL and int(self.entry[key[1]]) >= 0
 
-    def leave(self, key: Key) -> list[Statement]:
+    def leave(self, key: Key) -> list[krl.Statement]:
         """Return the lines behind moves of a stage."""
         stage, hole = key
         if stage is Stage.ALWAYS:
             return []
         if stage is Stage.STROKE:
-            return [Assign(LAST, hole), Control("ENDIF")]
-        return [Control("ENDIF")] * (2 if self.has_entry(key) else 1)
+            return [krl.Assign(LAST, hole), krl.Control("ENDIF")]
+        return [krl.Control("ENDIF")] * (2 if self.has_entry(key) else 1)
 
-    def only(self, number: int, statements: Sequence[Statement]) -> list[Statement]:
+    def only(self, number: int, statements: Sequence[krl.Statement]) -> list[krl.Statement]:
         """Return statements that are run if a hole, or one before it, is due."""
         if not statements or not number:
             return list(statements)
-        return [_if(f"{START}<={number}"), *statements, Control("ENDIF")]
+        return [_if(f"{START}<={number}"), *statements, krl.Control("ENDIF")]
 
     def is_earlier(self, event: Event, index: int) -> bool:
         """Return whether an event before a move belongs to the hole before it."""
@@ -200,30 +190,30 @@ def _reach(first_of: IntArray, direct: BoolArray, entry: IntArray) -> tuple[IntA
     return travel, np.where(may, entry, -1).astype(np.int32)
 
 
-def parameters() -> tuple[Parameter, ...]:
+def parameters() -> tuple[krl.Parameter, ...]:
     """Return the parameters of a sub-program."""
-    return Parameter(START, "IN"), Parameter(LAST, "OUT")
+    return krl.Parameter(START, "IN"), krl.Parameter(LAST, "OUT")
 
 
-def arguments() -> tuple[Expr, ...]:
+def arguments() -> tuple[krl.Expr, ...]:
     """Return what the main program hands to its sub-programs."""
-    return Expr(START), Expr(LAST)
+    return krl.Expr(START), krl.Expr(LAST)
 
 
-def sub_declarations() -> list[Statement]:
+def sub_declarations() -> list[krl.Statement]:
     """Return the declarations of a sub-program."""
-    return [Declaration("INT", (Variable(START), Variable(LAST)))]
+    return [krl.Declaration("INT", (krl.Variable(START), krl.Variable(LAST)))]
 
 
-def main_data() -> list[Statement]:
+def main_data() -> list[krl.Statement]:
     """Return the data of the main program."""
     return [
-        Comment(" the hole to begin with, to be set before the program is started; 1: all"),
-        Declaration("INT", (Variable(START, None, 1),)),
-        Comment(" the last hole that was finished"),
-        Declaration("INT", (Variable(LAST, None, 0),)),
+        krl.Comment(" the hole to begin with, to be set before the program is started; 1: all"),
+        krl.Declaration("INT", (krl.Variable(START, None, 1),)),
+        krl.Comment(" the last hole that was finished"),
+        krl.Declaration("INT", (krl.Variable(LAST, None, 0),)),
     ]
 
 
-def _if(condition: str) -> Control:
-    return Control("IF", f"{condition} THEN")
+def _if(condition: str) -> krl.Control:
+    return krl.Control("IF", f"{condition} THEN")

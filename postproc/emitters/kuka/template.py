@@ -15,20 +15,9 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from postproc import krl
 from postproc.errors import EmitError, SourceRef
 from postproc.files import shown_from
-from postproc.krl import (
-    Blank,
-    Comment,
-    FoldBegin,
-    KrlModule,
-    Move,
-    Statement,
-    comment_text,
-    numbers,
-    parse_files,
-    render_statement,
-)
 from postproc.records import dataclass
 from postproc.resources import templates_folder
 
@@ -96,7 +85,7 @@ class TemplateSet:
 
     def statements(
         self, name: str, values: Mapping[str, object], texts: Mapping[str, str] | None = None
-    ) -> list[Statement]:
+    ) -> list[krl.Statement]:
         """Return the statements of template ``name``.
 
         Args:
@@ -120,22 +109,22 @@ class TemplateSet:
                     f"template {name} begins a routine, expected statements only",
                     self.file(name),
                 )
-            found = [s for s in module.main.statements if not isinstance(s, Blank)]
-            moves = next((render_statement(s) for s in found if isinstance(s, Move)), None)
+            found = [s for s in module.main.statements if not isinstance(s, krl.Blank)]
+            moves = next((krl.render_statement(s) for s in found if isinstance(s, krl.Move)), None)
             if moves is not None:
                 text = f"template {name} moves the arm: {moves.strip()[:60]!r}, expected no motion"
                 raise EmitError("EMT333", text, self.file(name))
             self._read[key] = found
         return [_filled(statement, name, outside) for statement in self._read[key]]
 
-    def module(self, name: str, values: Mapping[str, object], module_name: str) -> KrlModule:
+    def module(self, name: str, values: Mapping[str, object], module_name: str) -> krl.KrlModule:
         """Return a template that is a whole module text; errors as ``statements``."""
         module = self._module(name, self.lines(name, values))
         return replace(module, name=module_name, src_path="", src_facts=None)
 
-    def _module(self, name: str, lines: list[str]) -> KrlModule:
+    def _module(self, name: str, lines: list[str]) -> krl.KrlModule:
         text = "\r\n".join([*lines, ""]).encode("ascii")
-        module = parse_files({f"{name}.src": text})[0]
+        module = krl.parse_files({f"{name}.src": text})[0]
         if module.problems:
             problem = module.problems[0]
             line = problem.source.text if problem.source else ""
@@ -187,7 +176,7 @@ class TemplateSet:
         return SourceRef(shown_from(self.source.path, folder / name), line, text)
 
     @cached_property
-    def _read(self) -> dict[object, list[Statement]]:
+    def _read(self) -> dict[object, list[krl.Statement]]:
         return {}
 
     @cached_property
@@ -209,13 +198,13 @@ class TemplateSet:
         return _environment_of(self._folders)
 
 
-def _filled(statement: Statement, name: str, texts: Mapping[str, str]) -> Statement:
+def _filled(statement: krl.Statement, name: str, texts: Mapping[str, str]) -> krl.Statement:
     """Return the statement with the marks in its comment replaced, and without a line number."""
     comment = _replaced(statement.comment, texts)
     changes: dict[str, Any] = {"comment": comment, "line": 0}
-    if isinstance(statement, Comment | FoldBegin):
+    if isinstance(statement, krl.Comment | krl.FoldBegin):
         changes["text"] = _replaced(statement.text, texts)
-    elif "@" in render_statement(replace(statement, comment="")):
+    elif "@" in krl.render_statement(replace(statement, comment="")):
         raise EmitError("EMT334", f"template {name} puts CAM text outside a comment")
     return replace(statement, **changes)
 
@@ -229,7 +218,7 @@ def _replaced(text: str, texts: Mapping[str, str]) -> str:
         key = pieces[position]
         if key in texts and position < len(pieces) - 1:
             before, after = "@".join(pieces[:position]), "@".join(pieces[position + 1 :])
-            return f"{before}{comment_text(texts[key])}{_replaced(after, texts)}"
+            return f"{before}{krl.comment_text(texts[key])}{_replaced(after, texts)}"
     return text
 
 
@@ -237,7 +226,7 @@ def _printed(value: object) -> object:
     """Return a value as it is printed: numbers as KRL."""
     if isinstance(value, bool):
         return "TRUE" if value else "FALSE"
-    return numbers.real(value) if isinstance(value, float) else value
+    return krl.numbers.real(value) if isinstance(value, float) else value
 
 
 @lru_cache(maxsize=8)

@@ -9,20 +9,9 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.geometry import transform_from_kuka
+from postproc.krl import text as krl
 from postproc.krl.rules.part import Part, Step, key_of, position_of
 from postproc.krl.rules.subject import ERROR, WARNING, Subject
-from postproc.krl.text import (
-    Assign,
-    Call,
-    Continue,
-    Control,
-    Halt,
-    Move,
-    Pose,
-    Statement,
-    WaitFor,
-    WaitSec,
-)
 
 FEED = 0.1
 """Path speed [m/s] up to which a motion is taken for a cut; rapids are faster."""
@@ -82,27 +71,27 @@ def _behind(subject: Subject, part: Part, place: int) -> None:
         else part.between(step, part.steps[place + 1])
     )
     for statement in between:
-        if isinstance(statement, WaitSec | WaitFor | Halt):
+        if isinstance(statement, krl.WaitSec | krl.WaitFor | krl.Halt):
             message = f"blended, and {_word(statement)} comes after it: the blend is lost"
             subject.add(18, WARNING, part.path, step.move.line, message)
             return
-        if isinstance(statement, Call):
+        if isinstance(statement, krl.Call):
             target = subject.called(statement.name, part.module)
             if target is not None and key_of(*target) in subject.moving:
                 message = f"blended at the border to {target[1].name}: the blend may be lost"
                 subject.add(18, WARNING, part.path, step.move.line, message)
                 return
-        if isinstance(statement, Control):
+        if isinstance(statement, krl.Control):
             return
     if not last:
         _next_kind(subject, part, step.move, part.steps[place + 1].move)
 
 
-def _word(statement: Statement) -> str:
-    return "HALT" if isinstance(statement, Halt) else "a WAIT"
+def _word(statement: krl.Statement) -> str:
+    return "HALT" if isinstance(statement, krl.Halt) else "a WAIT"
 
 
-def _next_kind(subject: Subject, part: Part, move: Move, following: Move) -> None:
+def _next_kind(subject: Subject, part: Part, move: krl.Move, following: krl.Move) -> None:
     if move.word.is_spline != following.word.is_spline:
         message = f"{move.word.value} does not blend into {following.word.value}"
         subject.add(18, WARNING, part.path, move.line, message)
@@ -168,7 +157,7 @@ def _is_along_tool(bottom: Step, way: FloatArray) -> bool:
     another feed goes across the tool.
     """
     pose = bottom.target
-    if not isinstance(pose, Pose) or pose.a_deg is None or pose.b_deg is None:
+    if not isinstance(pose, krl.Pose) or pose.a_deg is None or pose.b_deg is None:
         return True
     abc = np.array([pose.a_deg, pose.b_deg, pose.c_deg or 0.0])
     R_base_tcp = transform_from_kuka(np.zeros(3), abc)[:3, :3]
@@ -179,19 +168,19 @@ def _is_along_tool(bottom: Step, way: FloatArray) -> bool:
 def _is_plunge(part: Part, place: int) -> bool:
     """Whether the way to a turning point is made at feed, or the program waits there."""
     behind = part.between(part.steps[place], part.steps[place + 1])
-    return not part.path_speeds[place] > FEED or any(isinstance(s, WaitSec) for s in behind)
+    return not part.path_speeds[place] > FEED or any(isinstance(s, krl.WaitSec) for s in behind)
 
 
 def _sets_feed(part: Part, place: int) -> bool:
     before = part.between(part.steps[place - 1], part.steps[place])
-    return any(isinstance(s, Assign) and s.target == "$VEL.CP" for s in before)
+    return any(isinstance(s, krl.Assign) and s.target == "$VEL.CP" for s in before)
 
 
 def _last_motions(subject: Subject) -> None:
     for module, routine in subject.entries():
-        last: tuple[str, Move] | None = None
-        for here, statement in subject.walk(module, routine, Move):
-            if isinstance(statement, Move):
+        last: tuple[str, krl.Move] | None = None
+        for here, statement in subject.walk(module, routine, krl.Move):
+            if isinstance(statement, krl.Move):
                 last = here.src_path, statement
         if last is not None and last[1].blend:
             message = "the last motion of the program is blended"
@@ -217,7 +206,7 @@ def advance_stops(subject: Subject) -> None:
                 _stops(subject, part, between)
 
 
-def _stops(subject: Subject, part: Part, between: Sequence[Statement]) -> None:
+def _stops(subject: Subject, part: Part, between: Sequence[krl.Statement]) -> None:
     saved = False
     for statement in between:
         what = _access(statement)
@@ -225,23 +214,23 @@ def _stops(subject: Subject, part: Part, between: Sequence[Statement]) -> None:
             message = f"{what} between two path motions stops the advance run"
             hint = "CONTINUE before it, or a TRIGGER"
             subject.add(20, WARNING, part.path, statement.line, message, hint)
-        saved = isinstance(statement, Continue)
+        saved = isinstance(statement, krl.Continue)
 
 
-def _access(statement: Statement) -> str:
-    if isinstance(statement, Assign):
+def _access(statement: krl.Statement) -> str:
+    if isinstance(statement, krl.Assign):
         if statement.target[:1] == "$":
             target = statement.target.upper()
             if target.startswith(_WRITES):
                 return target
         text = getattr(statement.value, "text", "")
-    elif isinstance(statement, Call):
+    elif isinstance(statement, krl.Call):
         if statement.name.upper() == "PULSE":
             return "PULSE"
         text = ",".join(getattr(argument, "text", "") for argument in statement.arguments)
-    elif isinstance(statement, WaitFor):
+    elif isinstance(statement, krl.WaitFor):
         text = statement.condition
     else:
-        text = statement.text if isinstance(statement, Control) else ""
+        text = statement.text if isinstance(statement, krl.Control) else ""
     found = _READS.search(text) if text else None
     return found.group().upper() if found else ""

@@ -5,26 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from functools import partial
 
+from postproc.krl import text as krl
 from postproc.krl.rules.expressions import nodes_of
 from postproc.krl.rules.part import Part, bas, key_of
 from postproc.krl.rules.scope import Place
 from postproc.krl.rules.subject import ERROR, WARNING, Subject
-from postproc.krl.text import (
-    Binary,
-    Call,
-    Control,
-    Declaration,
-    Enum,
-    Expr,
-    FunctionCall,
-    KrlModule,
-    Node,
-    Reference,
-    Routine,
-    Statement,
-    Unary,
-    Value,
-)
 
 _OPENING = frozenset({"IF", "FOR", "LOOP", "WHILE", "REPEAT", "SWITCH"})
 _CLOSING = frozenset({"ENDIF", "ENDFOR", "ENDLOOP", "ENDWHILE", "UNTIL", "ENDSWITCH"})
@@ -47,20 +32,20 @@ def calls(subject: Subject) -> None:
         subject.each(part, partial(_functions, subject, part.path, place, needed))
 
 
-_Target = tuple[KrlModule, Routine]
+_Target = tuple[krl.KrlModule, krl.Routine]
 _NeededBy = dict[tuple[str, str, str, int], frozenset[str]]
 
 
 def _functions(
-    subject: Subject, path: str, place: Place, needed: _NeededBy, statement: Statement
+    subject: Subject, path: str, place: Place, needed: _NeededBy, statement: krl.Statement
 ) -> None:
     for node in nodes_of(statement, "("):
-        if isinstance(node, FunctionCall):
+        if isinstance(node, krl.FunctionCall):
             _function(subject, path, place, statement.line, node, needed)
 
 
 def _function(
-    subject: Subject, path: str, place: Place, line: int, node: FunctionCall, needed: _NeededBy
+    subject: Subject, path: str, place: Place, line: int, node: krl.FunctionCall, needed: _NeededBy
 ) -> None:
     target = subject.called(node.name, place[0])
     if target is None:
@@ -77,7 +62,7 @@ def _call(
     place: Place,
     line: int,
     target: _Target,
-    arguments: Sequence[Value | Node | None],
+    arguments: Sequence[krl.Value | krl.Node | None],
     needed: _NeededBy,
 ) -> None:
     module, routine = target
@@ -101,15 +86,17 @@ def _call(
             subject.add(27, ERROR, path, line, message)
 
 
-def _value(argument: Value | Node | None) -> Value | None:
+def _value(argument: krl.Value | krl.Node | None) -> krl.Value | None:
     """Return an argument as a value; None: a part of an expression that is not followed."""
-    if isinstance(argument, Reference):
-        return Expr(argument.name) if not argument.selectors else None
-    return None if isinstance(argument, Node) and not isinstance(argument, Value) else argument
+    if isinstance(argument, krl.Reference):
+        return krl.Expr(argument.name) if not argument.selectors else None
+    return (
+        None if isinstance(argument, krl.Node) and not isinstance(argument, krl.Value) else argument
+    )
 
 
 def _parameters(subject: Subject, part: Part) -> None:
-    declared = {v.name.upper() for s in part.of(Declaration) for v in s.variables}
+    declared = {v.name.upper() for s in part.of(krl.Declaration) for v in s.variables}
     for parameter in part.routine.parameters:
         if parameter.name.upper() not in declared:
             message = f"parameter {parameter.name} of {part.routine.name} is not declared"
@@ -118,7 +105,7 @@ def _parameters(subject: Subject, part: Part) -> None:
 
 
 def _returns(subject: Subject, part: Part) -> None:
-    values = [s for s in part.of(Control) if s.word == "RETURN" and s.text]
+    values = [s for s in part.of(krl.Control) if s.word == "RETURN" and s.text]
     if part.routine.result_type is not None:
         if not values:
             message = f"{part.routine.name} is a function and returns no value"
@@ -129,14 +116,14 @@ def _returns(subject: Subject, part: Part) -> None:
         subject.add(28, ERROR, part.path, statement.line, message)
 
 
-def _bas(subject: Subject, path: str, call: Call) -> None:
+def _bas(subject: Subject, path: str, call: krl.Call) -> None:
     if call.name.upper() != "BAS":
         return
     command, argument = bas(call)
     first = call.arguments[0] if call.arguments else None
     if first is None:
         subject.add(28, ERROR, path, call.line, "BAS without a command")
-    elif isinstance(first, Enum) and argument is None and command not in _WITHOUT_NUMBER:
+    elif isinstance(first, krl.Enum) and argument is None and command not in _WITHOUT_NUMBER:
         message = f"BAS(#{command}) without its value: the program stops there"
         subject.add(28, ERROR, path, call.line, message)
 
@@ -150,15 +137,17 @@ def _needed(part: Part) -> Iterator[str]:
     parameters = {parameter.name.upper() for parameter in part.routine.parameters}
     depth, read, asked = 0, set[str](), False
     for statement in part.routine.statements if parameters else ():
-        word = statement.word if isinstance(statement, Control) else ""
+        word = statement.word if isinstance(statement, krl.Control) else ""
         nodes = list(nodes_of(statement, ""))
-        asked |= any(isinstance(n, FunctionCall) and n.name.upper() == "VARSTATE" for n in nodes)
+        asked |= any(
+            isinstance(n, krl.FunctionCall) and n.name.upper() == "VARSTATE" for n in nodes
+        )
         if not depth:
             used = nodes[:1] if word in ("SWITCH", "IF", "WHILE") else []
             for node in nodes:
-                used += (node.left, node.right) if isinstance(node, Binary) else ()
-                used += (node.operand,) if isinstance(node, Unary) else ()
-            read |= {node.name for node in used if isinstance(node, Reference)} & parameters
+                used += (node.left, node.right) if isinstance(node, krl.Binary) else ()
+                used += (node.operand,) if isinstance(node, krl.Unary) else ()
+            read |= {node.name for node in used if isinstance(node, krl.Reference)} & parameters
         if word in ("RETURN", "GOTO"):
             break
         depth += (word in _OPENING) - (word in _CLOSING)

@@ -5,25 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import TINY, FloatArray
+from postproc.krl import text as krl
 from postproc.krl.rules.part import Part, number, position_of
 from postproc.krl.rules.subject import ERROR, WARNING, Subject
-from postproc.krl.text import (
-    Assign,
-    Axes,
-    Blank,
-    Call,
-    Comment,
-    Control,
-    FoldBegin,
-    FoldEnd,
-    Move,
-    Pose,
-    Raw,
-    SplineBegin,
-    SplineEnd,
-    Statement,
-    Trigger,
-)
 
 _LARGEST = 50_000.0
 """Radius [mm] from which on a circle is a straight line badly written."""
@@ -109,7 +93,7 @@ def external_axes(subject: Subject) -> None:
 
 
 def _values(
-    subject: Subject, path: str, move: Statement, external: tuple[float, ...], count: int | None
+    subject: Subject, path: str, move: krl.Statement, external: tuple[float, ...], count: int | None
 ) -> None:
     if count is None:
         return
@@ -122,7 +106,7 @@ def _values(
         subject.add(25, WARNING, path, move.line, message)
 
 
-_QUIET = (Comment, Blank, FoldBegin, FoldEnd, Trigger)
+_QUIET = (krl.Comment, krl.Blank, krl.FoldBegin, krl.FoldEnd, krl.Trigger)
 _BLOCK_WORDS = frozenset({"TIME_BLOCK", "CONST_VEL", "STOP"})
 _SEGMENTS = {"SPLINE": ("SPL", "SLIN", "SCIRC"), "PTP_SPLINE": ("SPTP",)}
 
@@ -130,18 +114,22 @@ _SEGMENTS = {"SPLINE": ("SPL", "SLIN", "SCIRC"), "PTP_SPLINE": ("SPTP",)}
 def spline_blocks(subject: Subject) -> None:
     """Row 31: only its segments, triggers and times in a spline block, SPL nowhere else."""
     for part in subject.parts:
-        if part.in_block or part.of(SplineBegin) or any(s.move.word == "SPL" for s in part.steps):
+        if (
+            part.in_block
+            or part.of(krl.SplineBegin)
+            or any(s.move.word == "SPL" for s in part.steps)
+        ):
             _blocks(subject, part)
 
 
 def _blocks(subject: Subject, part: Part) -> None:
     word = ""
     for statement in part.routine.statements:
-        if isinstance(statement, SplineBegin):
+        if isinstance(statement, krl.SplineBegin):
             word = statement.word
-        elif isinstance(statement, SplineEnd):
+        elif isinstance(statement, krl.SplineEnd):
             word = ""
-        elif isinstance(statement, Move):
+        elif isinstance(statement, krl.Move):
             name = statement.word.value.removesuffix("_REL")
             if name not in _SEGMENTS[word] if word else name == "SPL":
                 where = f"in a {word} block" if word else "outside a spline block"
@@ -153,18 +141,18 @@ def _blocks(subject: Subject, part: Part) -> None:
             subject.add(31, ERROR, part.path, statement.line, message, hint)
 
 
-def _is_allowed(statement: Statement) -> bool:
-    if isinstance(statement, Raw):
+def _is_allowed(statement: krl.Statement) -> bool:
+    if isinstance(statement, krl.Raw):
         return statement.word in _BLOCK_WORDS
     return isinstance(statement, _QUIET)
 
 
-def _shown(statement: Statement) -> str:
-    if isinstance(statement, Assign):
+def _shown(statement: krl.Statement) -> str:
+    if isinstance(statement, krl.Assign):
         return f"{statement.target}="
-    if isinstance(statement, Call):
+    if isinstance(statement, krl.Call):
         return f"{statement.name}( )"
-    if isinstance(statement, Control | Raw):
+    if isinstance(statement, krl.Control | krl.Raw):
         return statement.word
     return type(statement).__name__.upper().removesuffix("SEC").removesuffix("FOR")
 
@@ -176,13 +164,13 @@ _TURNS = 1 << 12
 def status_and_turn(subject: Subject) -> None:
     """Row 12: S and T are possible and agree about A5; S stays the same on a path."""
     for path, line, point in subject.points_at(subject.points.more):
-        if isinstance(point, Pose):
+        if isinstance(point, krl.Pose):
             _one(subject, path, line, point)
     for part in subject.parts:
         _chain(subject, part)
 
 
-def _one(subject: Subject, path: str, line: int, pose: Pose) -> None:
+def _one(subject: Subject, path: str, line: int, pose: krl.Pose) -> None:
     s, t = pose.status, pose.turn
     if s is None and t is None:
         return
@@ -205,10 +193,10 @@ def _chain(subject: Subject, part: Part) -> None:
     status: int | None = None
     for step in part.steps:
         target = step.target
-        if step.move.word.is_axis_motion or isinstance(target, Axes):
-            status = target.status if isinstance(target, Pose) else None
+        if step.move.word.is_axis_motion or isinstance(target, krl.Axes):
+            status = target.status if isinstance(target, krl.Pose) else None
             continue
-        here = target.status if isinstance(target, Pose) else None
+        here = target.status if isinstance(target, krl.Pose) else None
         if here is None:
             continue
         if status is not None and here & 0b111 != status & 0b111:

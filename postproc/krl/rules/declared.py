@@ -6,30 +6,12 @@ import re
 from collections.abc import Iterable, Iterator
 from pathlib import PurePath
 
+from postproc.krl import text as krl
 from postproc.krl.rules.expressions import NAMELESS, move_values, values_of
 from postproc.krl.rules.naming import BUILT_IN, global_names
 from postproc.krl.rules.part import Part
 from postproc.krl.rules.scope import DEFINES
 from postproc.krl.rules.subject import ERROR, NOTE, WARNING, Subject
-from postproc.krl.text import (
-    NAME_LENGTH,
-    Aggregate,
-    Assign,
-    Call,
-    Declaration,
-    Expr,
-    External,
-    Interrupt,
-    KrlModule,
-    KrlSyntaxError,
-    Move,
-    Raw,
-    Statement,
-    Trigger,
-    Value,
-    names_in,
-    parse_expression,
-)
 from postproc.records import dataclass
 
 _SIMPLE = re.compile(r"(?!(?:TRUE|FALSE)\Z)[A-Za-z_]\w*\Z", re.ASCII | re.IGNORECASE)
@@ -92,7 +74,7 @@ def declared(subject: Subject) -> None:
 class _Missing:
     """A name that is used and defined nowhere: where first, whether a routine or a taught point."""
 
-    module: KrlModule
+    module: krl.KrlModule
     name: str
     is_call: bool
     line: int
@@ -155,7 +137,7 @@ def _of_options(subject: Subject, missing: list[_Missing]) -> None:
             named.add(item.name)
 
 
-def _is_system(module: KrlModule) -> bool:
+def _is_system(module: krl.KrlModule) -> bool:
     folders = [part.upper() for part in PurePath(module.src_path).parts[:-1]]
     return bool({"SYSTEM", "TP"} & set(folders))
 
@@ -166,16 +148,16 @@ def _listed(names: list[str]) -> str:
     return ", ".join(unique[:8]) + more
 
 
-def _global_types(module: KrlModule) -> set[str]:
+def _global_types(module: krl.KrlModule) -> set[str]:
     """Return signals and types that a data list makes known to all modules."""
     found: set[str] = set()
     for statement in module.data.statements if module.data is not None else ():
-        if isinstance(statement, Raw) and statement.text.upper().startswith("GLOBAL"):
+        if isinstance(statement, krl.Raw) and statement.text.upper().startswith("GLOBAL"):
             found |= _defined_by(statement)
     return found
 
 
-def _data_names(module: KrlModule) -> set[str]:
+def _data_names(module: krl.KrlModule) -> set[str]:
     names: set[str] = set()
     for statement in module.data.statements if module.data is not None else ():
         names |= _defined_by(statement)
@@ -184,13 +166,13 @@ def _data_names(module: KrlModule) -> set[str]:
 
 def _local_names(part: Part) -> set[str]:
     names = {parameter.name.upper() for parameter in part.routine.parameters}
-    return names.union(*map(_defined_by, part.of_kinds(Declaration, Raw)))
+    return names.union(*map(_defined_by, part.of_kinds(krl.Declaration, krl.Raw)))
 
 
-def _defined_by(statement: Statement) -> set[str]:
-    if isinstance(statement, Declaration):
+def _defined_by(statement: krl.Statement) -> set[str]:
+    if isinstance(statement, krl.Declaration):
         return {variable.name.upper() for variable in statement.variables}
-    if isinstance(statement, Raw):
+    if isinstance(statement, krl.Raw):
         found = DEFINES.match(statement.text)
         if found and found.group(1).upper() != "STRUC":
             return {found.group(2).upper()}
@@ -203,11 +185,11 @@ def _check_uses(subject: Subject, part: Part, known: set[str], known_calls: set[
     module = part.module
     external = {
         found.group(1).upper()
-        for item in part.of(External)
+        for item in part.of(krl.External)
         if (found := _EXTERNAL.match(item.text))
     }
     for item in module.data.statements if module.data is not None else ():
-        if isinstance(item, External) and (found := _EXTERNAL.match(item.text)):
+        if isinstance(item, krl.External) and (found := _EXTERNAL.match(item.text)):
             external.add(found.group(1).upper())
     used: set[str] = set()
     missing: dict[str, _Missing] = {}
@@ -226,15 +208,15 @@ def _check_uses(subject: Subject, part: Part, known: set[str], known_calls: set[
     return _Uses(used, list(missing.values()))
 
 
-def _taught(statements: Iterable[Statement]) -> Iterator[str]:
+def _taught(statements: Iterable[krl.Statement]) -> Iterator[str]:
     """Yield the names of points that are moved to and of the data of their forms."""
     for statement in statements:
-        value: Value | None = None
-        if isinstance(statement, Move):
+        value: krl.Value | None = None
+        if isinstance(statement, krl.Move):
             value = statement.target
-        elif isinstance(statement, Assign) and statement.target.upper() in _FORM_DATA:
+        elif isinstance(statement, krl.Assign) and statement.target.upper() in _FORM_DATA:
             value = statement.value
-        if isinstance(value, Expr):
+        if isinstance(value, krl.Expr):
             yield value.text.strip().upper()
 
 
@@ -244,8 +226,10 @@ def _undeclared(subject: Subject, item: _Missing) -> None:
         message = f"{item.name} is used and not declared"
         subject.add(5, ERROR, path, line, message, hint="declare it in the .dat")
         return
-    if len(item.name) > NAME_LENGTH:
-        message = f"{item.name} has {len(item.name)} characters, at most {NAME_LENGTH} are legal"
+    if len(item.name) > krl.NAME_LENGTH:
+        message = (
+            f"{item.name} has {len(item.name)} characters, at most {krl.NAME_LENGTH} are legal"
+        )
         subject.add(4, ERROR, path, line, message)
         return
     severity = NOTE if item.name.startswith(HOOK_PREFIX) else WARNING
@@ -253,13 +237,13 @@ def _undeclared(subject: Subject, item: _Missing) -> None:
     subject.add(5, severity, path, line, message)
 
 
-def _unused_points(subject: Subject, module: KrlModule, used: set[str]) -> None:
+def _unused_points(subject: Subject, module: krl.KrlModule, used: set[str]) -> None:
     if module.data is None or not module.routines:
         return
     unused = [
         (variable.name, statement.line)
         for statement in module.data.statements
-        if isinstance(statement, Declaration)
+        if isinstance(statement, krl.Declaration)
         and statement.type_name.upper() in _POINT_TYPES
         and not statement.is_global
         for variable in statement.variables
@@ -272,7 +256,7 @@ def _unused_points(subject: Subject, module: KrlModule, used: set[str]) -> None:
         subject.add(5, NOTE, module.dat_path, unused[0][1], message)
 
 
-def _uses(statements: Iterable[Statement]) -> Iterator[tuple[str, bool, int]]:
+def _uses(statements: Iterable[krl.Statement]) -> Iterator[tuple[str, bool, int]]:
     """Yield (name in upper case, whether it is called, line) of everything that is used.
 
     What a text uses is said where it stands first.
@@ -280,17 +264,17 @@ def _uses(statements: Iterable[Statement]) -> Iterator[tuple[str, bool, int]]:
     said: set[str] = set()
     for statement in statements:
         kind = type(statement)
-        if kind is Move:
-            values: Iterable[Value | None] = move_values(statement)  # type: ignore[arg-type]
+        if kind is krl.Move:
+            values: Iterable[krl.Value | None] = move_values(statement)  # type: ignore[arg-type]
         else:
             values, texts = values_of(statement)
-            if kind is Call:
+            if kind is krl.Call:
                 yield statement.name.upper(), True, statement.line  # type: ignore[attr-defined]
             for text in texts:
                 if text not in said:
                     said.add(text)
                     yield from _names_of_text(text, statement.line)
-            if isinstance(statement, Trigger | Interrupt) and statement.action is not None:
+            if isinstance(statement, krl.Trigger | krl.Interrupt) and statement.action is not None:
                 for name, is_call, _ in _uses((statement.action,)):
                     yield name, is_call, statement.line
         for value in values:
@@ -298,10 +282,10 @@ def _uses(statements: Iterable[Statement]) -> Iterator[tuple[str, bool, int]]:
                 yield from _names_of_value(value, statement.line)
 
 
-def _names_of_value(value: Value | None, line: int) -> Iterator[tuple[str, bool, int]]:
-    if isinstance(value, Expr):
+def _names_of_value(value: krl.Value | None, line: int) -> Iterator[tuple[str, bool, int]]:
+    if isinstance(value, krl.Expr):
         yield from _names_of_text(value.text, line)
-    elif isinstance(value, Aggregate):
+    elif isinstance(value, krl.Aggregate):
         for _, item in value.fields:
             yield from _names_of_value(item, line)
 
@@ -312,7 +296,7 @@ def _names_of_text(text: str, line: int) -> Iterator[tuple[str, bool, int]]:
         yield text.upper(), False, line
         return
     try:
-        for name, is_call in names_in(parse_expression(text)):
+        for name, is_call in krl.names_in(krl.parse_expression(text)):
             yield name, is_call, line
-    except KrlSyntaxError:
+    except krl.KrlSyntaxError:
         return  # row 1 has it

@@ -7,36 +7,16 @@ from collections.abc import Callable, Iterable, Iterator
 from itertools import chain
 from typing import Any
 
-from postproc.krl.text import (
-    Aggregate,
-    Assign,
-    Axes,
-    Call,
-    Control,
-    Expr,
-    Interrupt,
-    KrlSyntaxError,
-    Move,
-    Node,
-    Pose,
-    SplineBegin,
-    Statement,
-    Trigger,
-    Value,
-    WaitFor,
-    WaitSec,
-    nodes_in,
-    parse_expression,
-)
+from postproc.krl import text as krl
 
 _FOR = re.compile(r"(.+?)=(.+?)\bTO\b(.+?)(?:\bSTEP\b(.+))?$", re.IGNORECASE)
 
 
-NAMELESS = frozenset({float, int, bool, Pose, Axes, type(None)})
+NAMELESS = frozenset({float, int, bool, krl.Pose, krl.Axes, type(None)})
 """Values without a name in them."""
 
 
-def move_values(statement: Move) -> tuple[Value | None, ...]:
+def move_values(statement: krl.Move) -> tuple[krl.Value | None, ...]:
     """Return the points of a motion, its angle and what it sets."""
     if not statement.settings and statement.auxiliary is None:
         return (statement.target,)
@@ -44,28 +24,28 @@ def move_values(statement: Move) -> tuple[Value | None, ...]:
     return (statement.target, statement.auxiliary, statement.angle_deg, *settings)
 
 
-_Parts = tuple[tuple[Value | None, ...], tuple[str, ...]]
+_Parts = tuple[tuple[krl.Value | None, ...], tuple[str, ...]]
 
 
-def values_of(statement: Statement) -> _Parts:
+def values_of(statement: krl.Statement) -> _Parts:
     """Return values and expression texts of a statement."""
     found = _PARTS.get(type(statement))
     return found(statement) if found is not None else ((), ())
 
 
 _PARTS: dict[type, Callable[[Any], _Parts]] = {
-    Assign: lambda s: ((s.value,), (s.target,)),
-    Call: lambda s: (s.arguments, ()),
-    SplineBegin: lambda s: (tuple(item.value for item in s.settings), ()),
-    WaitSec: lambda s: ((s.seconds,), ()),
-    WaitFor: lambda s: ((), (s.condition,)),
-    Trigger: lambda s: ((s.where, s.delay_ms, s.priority), ()),
-    Interrupt: lambda s: ((s.number,), (s.condition,) if s.condition else ()),
-    Control: lambda s: ((), _control_texts(s)),
+    krl.Assign: lambda s: ((s.value,), (s.target,)),
+    krl.Call: lambda s: (s.arguments, ()),
+    krl.SplineBegin: lambda s: (tuple(item.value for item in s.settings), ()),
+    krl.WaitSec: lambda s: ((s.seconds,), ()),
+    krl.WaitFor: lambda s: ((), (s.condition,)),
+    krl.Trigger: lambda s: ((s.where, s.delay_ms, s.priority), ()),
+    krl.Interrupt: lambda s: ((s.number,), (s.condition,) if s.condition else ()),
+    krl.Control: lambda s: ((), _control_texts(s)),
 }
 
 
-def _control_texts(statement: Control) -> tuple[str, ...]:
+def _control_texts(statement: krl.Control) -> tuple[str, ...]:
     text = statement.text.strip()
     if statement.word == "IF":
         return (re.sub(r"\bTHEN\s*$", "", text, flags=re.IGNORECASE),)
@@ -77,7 +57,7 @@ def _control_texts(statement: Control) -> tuple[str, ...]:
     return ()
 
 
-def nodes_of(statement: Statement, mark: str) -> Iterable[Node]:
+def nodes_of(statement: krl.Statement, mark: str) -> Iterable[krl.Node]:
     """Return the nodes of all expressions of a statement, its action included.
 
     Args:
@@ -88,43 +68,43 @@ def nodes_of(statement: Statement, mark: str) -> Iterable[Node]:
     return chain.from_iterable(map(_nodes_of_text, marked)) if marked else ()
 
 
-def _texts_of(statement: Statement) -> list[str]:
+def _texts_of(statement: krl.Statement) -> list[str]:
     """Return the texts of all expressions of a statement, its action included."""
     values, texts = values_of(statement)
-    if isinstance(statement, Move):
+    if isinstance(statement, krl.Move):
         values = move_values(statement)
-    if isinstance(statement, Move | SplineBegin):
+    if isinstance(statement, krl.Move | krl.SplineBegin):
         texts = tuple(item.target for item in statement.settings)
     found = [*texts]
     for value in values:
         if type(value) not in NAMELESS:
             found += _texts(value)
-    if isinstance(statement, Trigger | Interrupt) and statement.action is not None:
+    if isinstance(statement, krl.Trigger | krl.Interrupt) and statement.action is not None:
         found += _texts_of(statement.action)
     return found
 
 
-def _nodes_of_text(text: str) -> tuple[Node, ...]:
+def _nodes_of_text(text: str) -> tuple[krl.Node, ...]:
     try:
-        return tuple(nodes_in(parse_expression(text.strip())))
-    except KrlSyntaxError:
+        return tuple(krl.nodes_in(krl.parse_expression(text.strip())))
+    except krl.KrlSyntaxError:
         return ()  # row 1 has it
 
 
-def _texts(value: Value | None) -> Iterator[str]:
-    if isinstance(value, Expr):
+def _texts(value: krl.Value | None) -> Iterator[str]:
+    if isinstance(value, krl.Expr):
         yield value.text
-    elif isinstance(value, Aggregate):
+    elif isinstance(value, krl.Aggregate):
         for _, item in value.fields:
             yield from _texts(item)
 
 
-def settings_of(statement: Statement) -> tuple[Assign, ...]:
+def settings_of(statement: krl.Statement) -> tuple[krl.Assign, ...]:
     """Return what a statement sets: by itself, WITH a motion or by its action."""
-    if isinstance(statement, Assign):
+    if isinstance(statement, krl.Assign):
         return (statement,)
-    if isinstance(statement, Move | SplineBegin):
+    if isinstance(statement, krl.Move | krl.SplineBegin):
         return statement.settings
-    if isinstance(statement, Trigger | Interrupt) and statement.action is not None:
+    if isinstance(statement, krl.Trigger | krl.Interrupt) and statement.action is not None:
         return settings_of(statement.action)
     return ()

@@ -6,21 +6,9 @@ import re
 from collections.abc import Iterator, Sequence
 from itertools import chain
 
+from postproc.krl import text as krl
 from postproc.krl.rules.part import Part, bas, number
 from postproc.krl.rules.subject import ERROR, WARNING, Subject
-from postproc.krl.text import (
-    Aggregate,
-    Assign,
-    Blank,
-    Call,
-    Comment,
-    Expr,
-    FoldBegin,
-    FoldEnd,
-    KrlModule,
-    Move,
-    Statement,
-)
 from postproc.records import dataclass
 
 _FORM = re.compile(r"\s*(S?PTP|S?LIN|S?CIRC)\s+([A-Za-z_]\w*)(.*?)(?:;\s*%\{|%\{|$)", re.IGNORECASE)
@@ -30,7 +18,7 @@ _SPEED = re.compile(r"Vel=\s*([0-9.]+)", re.IGNORECASE)
 _POINT_DATA = re.compile(r"2:([A-Za-z_]\w*)")
 _BLEND_DATA = re.compile(r"3:(C_[A-Z]+)?")
 _SPEED_DATA = re.compile(r"5:([0-9.]+)")
-_TEXTS = (Comment, FoldBegin, FoldEnd, Blank)
+_TEXTS = (krl.Comment, krl.FoldBegin, krl.FoldEnd, krl.Blank)
 _FORM_TARGETS = frozenset({"$BWDSTART", "PDAT_ACT", "LDAT_ACT", "FDAT_ACT", "$H_POS"})
 _FORM_CALLS = frozenset({"BAS", "SET_CD_PARAMS"})
 
@@ -40,15 +28,15 @@ class Form:
     """An inline form: its visible text and the code within."""
 
     part: Part
-    head: FoldBegin
-    code: tuple[Statement, ...]
+    head: krl.FoldBegin
+    code: tuple[krl.Statement, ...]
 
 
 def folds(subject: Subject) -> None:
     """Row 23: every FOLD has its ENDFOLD; a fold may hold whole routines."""
     for module in subject.modules:
         parts = (
-            (*part.of_kinds(FoldBegin, FoldEnd), *part.routine.after)
+            (*part.of_kinds(krl.FoldBegin, krl.FoldEnd), *part.routine.after)
             for part in subject.parts_of(module)
         )
         _balance(subject, module.src_path, [*module.before, *chain.from_iterable(parts)])
@@ -56,12 +44,12 @@ def folds(subject: Subject) -> None:
             _balance(subject, module.dat_path, module.data.statements)
 
 
-def _balance(subject: Subject, path: str, statements: Sequence[Statement]) -> None:
-    stack: list[FoldBegin] = []
+def _balance(subject: Subject, path: str, statements: Sequence[krl.Statement]) -> None:
+    stack: list[krl.FoldBegin] = []
     for statement in statements:
-        if isinstance(statement, FoldBegin):
+        if isinstance(statement, krl.FoldBegin):
             stack.append(statement)
-        elif isinstance(statement, FoldEnd):
+        elif isinstance(statement, krl.FoldEnd):
             if stack:
                 stack.pop()
             else:
@@ -74,7 +62,7 @@ def forms(subject: Subject) -> None:
     """Row 23: visible text, form parameters, code and frame data agree; nothing typed in."""
     for part in subject.parts:
         for form in _forms(part):
-            moves = [statement for statement in form.code if isinstance(statement, Move)]
+            moves = [statement for statement in form.code if isinstance(statement, krl.Move)]
             if len(moves) != 1:
                 message = f"an inline form with {len(moves)} motions"
                 subject.add(23, WARNING, part.path, form.head.line, message)
@@ -87,12 +75,14 @@ def forms(subject: Subject) -> None:
 def _forms(part: Part) -> Iterator[Form]:
     """Yield the inline forms: folds whose text begins with a motion and a form's marks."""
     statements = part.routine.statements
-    for index, statement in zip(part.places(FoldBegin), part.of(FoldBegin), strict=True):
+    for index, statement in zip(part.places(krl.FoldBegin), part.of(krl.FoldBegin), strict=True):
         if not _is_form(statement.text):
             continue
         depth, end = 1, index + 1
         while end < len(statements) and depth:
-            depth += isinstance(statements[end], FoldBegin) - isinstance(statements[end], FoldEnd)
+            depth += isinstance(statements[end], krl.FoldBegin) - isinstance(
+                statements[end], krl.FoldEnd
+            )
             end += 1
         code = tuple(s for s in statements[index + 1 : end] if not isinstance(s, _TEXTS))
         yield Form(part, statement, code)
@@ -102,7 +92,7 @@ def _is_form(text: str) -> bool:
     return bool(_FORM.match(text)) and ("Vel=" in text or "%MKUKATPBASIS" in text)
 
 
-def _texts(subject: Subject, form: Form, move: Move) -> None:
+def _texts(subject: Subject, form: Form, move: krl.Move) -> None:
     part, line = form.part, form.head.line
     visible = _FORM.match(form.head.text)
     if visible is None:
@@ -112,7 +102,7 @@ def _texts(subject: Subject, form: Form, move: Move) -> None:
         message = f"the form shows {word}, the code is {move.word.value}"
         goes_alike = word.upper().removeprefix("S") == move.word.value.removeprefix("S")
         subject.add(23, WARNING if goes_alike else ERROR, part.path, line, message)
-    target = move.target.text.upper() if isinstance(move.target, Expr) else ""
+    target = move.target.text.upper() if isinstance(move.target, krl.Expr) else ""
     if not _same_point(target, name):
         message = f"the form shows {name}, the code goes to {target or 'a literal'}"
         subject.add(23, ERROR, part.path, line, message)
@@ -143,7 +133,7 @@ def _speed(subject: Subject, form: Form, rest: str) -> None:
             subject.add(23, ERROR, form.part.path, statement.line, message)
 
 
-def _parameters(subject: Subject, form: Form, name: str, move: Move) -> None:
+def _parameters(subject: Subject, form: Form, name: str, move: krl.Move) -> None:
     """The ``%P`` data of forms up to KSS 8.5."""
     _, mark, data = form.head.text.partition("%P")
     if not mark:
@@ -163,7 +153,7 @@ def _parameters(subject: Subject, form: Form, name: str, move: Move) -> None:
         subject.add(23, ERROR, part.path, line, message)
 
 
-def _frames(subject: Subject, form: Form, move: Move) -> None:
+def _frames(subject: Subject, form: Form, move: krl.Move) -> None:
     """Tool and base as shown must be those of the frame data."""
     fdat = _frame_data(subject, form, move)
     if fdat is None:
@@ -177,25 +167,25 @@ def _frames(subject: Subject, form: Form, move: Move) -> None:
             subject.add(23, ERROR, form.part.path, form.head.line, message)
 
 
-def _frame_data(subject: Subject, form: Form, move: Move) -> Aggregate | None:
-    module: KrlModule = form.part.module
-    names = [s.value for s in form.code if isinstance(s, Assign) and s.target == "FDAT_ACT"]
+def _frame_data(subject: Subject, form: Form, move: krl.Move) -> krl.Aggregate | None:
+    module: krl.KrlModule = form.part.module
+    names = [s.value for s in form.code if isinstance(s, krl.Assign) and s.target == "FDAT_ACT"]
     for setting in move.settings:
-        if setting.target == "$TOOL" and isinstance(setting.value, Expr):
-            names.append(Expr(setting.value.text.partition("(")[2].partition(")")[0].strip()))
+        if setting.target == "$TOOL" and isinstance(setting.value, krl.Expr):
+            names.append(krl.Expr(setting.value.text.partition("(")[2].partition(")")[0].strip()))
     for name in names:
         value = subject.value(name, module)
-        if isinstance(value, Aggregate):
+        if isinstance(value, krl.Aggregate):
             return value
     return None
 
 
 def _typed_in(subject: Subject, form: Form) -> None:
     for statement in form.code:
-        ok = isinstance(statement, Move)
-        if isinstance(statement, Assign):
+        ok = isinstance(statement, krl.Move)
+        if isinstance(statement, krl.Assign):
             ok = statement.target.upper() in _FORM_TARGETS
-        elif isinstance(statement, Call):
+        elif isinstance(statement, krl.Call):
             ok = statement.name.upper() in _FORM_CALLS
         if not ok:
             message = "a line typed into a form: the next touch-up deletes it"

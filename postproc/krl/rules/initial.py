@@ -2,21 +2,9 @@
 
 from __future__ import annotations
 
+from postproc.krl import text as krl
 from postproc.krl.rules.part import Part, bas, key_of, number
 from postproc.krl.rules.subject import ERROR, WARNING, Subject
-from postproc.krl.text import (
-    Aggregate,
-    Assign,
-    Axes,
-    Call,
-    Expr,
-    KrlModule,
-    Move,
-    Pose,
-    Routine,
-    Statement,
-    Value,
-)
 
 _FRAMES = frozenset({"FRAMES", "PTP_PARAMS", "CP_PARAMS"})
 
@@ -30,7 +18,7 @@ def initialised(subject: Subject) -> None:
 
 
 def _ini_places(subject: Subject, part: Part) -> None:
-    lines = [call.line for call in part.of(Call) if bas(call)[0] == "INITMOV"]
+    lines = [call.line for call in part.of(krl.Call) if bas(call)[0] == "INITMOV"]
     for line in lines[1:]:
         subject.add(9, ERROR, part.path, line, f"INI appears twice in {part.routine.name}")
     if lines and part.key in subject.called_routines:
@@ -50,7 +38,7 @@ class _Setup:
     def __init__(self) -> None:
         self.ini = self.tool = self.load = self.base = False
 
-    def follow(self, statement: Statement) -> None:
+    def follow(self, statement: krl.Statement) -> None:
         """Note what a statement sets."""
         command, _ = bas(statement)
         if command == "INITMOV":
@@ -61,10 +49,10 @@ class _Setup:
             self.base = True
         elif command in _FRAMES:
             self.tool = self.load = self.base = True
-        elif isinstance(statement, Assign):
+        elif isinstance(statement, krl.Assign):
             self.assign(statement)
 
-    def assign(self, statement: Assign) -> None:
+    def assign(self, statement: krl.Assign) -> None:
         """Note an assignment, also behind WITH."""
         name = statement.target.upper()
         self.tool |= name == "$TOOL"
@@ -72,11 +60,11 @@ class _Setup:
         self.load |= name.startswith("$LOAD")
 
 
-def _main(subject: Subject, module: KrlModule, routine: Routine) -> None:
+def _main(subject: Subject, module: krl.KrlModule, routine: krl.Routine) -> None:
     setup = _Setup()
     for here, statement in subject.walk(module, routine):
         setup.follow(statement)
-        if isinstance(statement, Move):
+        if isinstance(statement, krl.Move):
             for setting in statement.settings:
                 setup.assign(setting)
             if not setup.ini:
@@ -88,13 +76,13 @@ def _main(subject: Subject, module: KrlModule, routine: Routine) -> None:
                 return
 
 
-def _is_cartesian(subject: Subject, module: KrlModule, move: Move) -> bool:
+def _is_cartesian(subject: Subject, module: krl.KrlModule, move: krl.Move) -> bool:
     if not move.word.is_axis_motion:
         return True
-    return isinstance(subject.point(move.target, module), Pose)
+    return isinstance(subject.point(move.target, module), krl.Pose)
 
 
-def _at_first_pose(subject: Subject, module: KrlModule, move: Move, setup: _Setup) -> None:
+def _at_first_pose(subject: Subject, module: krl.KrlModule, move: krl.Move, setup: _Setup) -> None:
     place = module.src_path, move.line
     if not setup.tool:
         message = "a Cartesian motion, and no tool was set behind INI: BAS(#INITMOV,0) takes tool 1"
@@ -121,13 +109,13 @@ def frame_numbers(subject: Subject) -> None:
                 if value is not None:
                     _in_range(subject, part.path, statement.line, command, value)
                     active[command] = value
-            elif isinstance(statement, Assign) and statement.target.upper() == "FDAT_ACT":
+            elif isinstance(statement, krl.Assign) and statement.target.upper() == "FDAT_ACT":
                 _fdat(subject, part, statement, active)
         _with_frames(subject, part)
     for module in subject.modules:
         if module.data is not None:
             for _, data, line in module.data.values():
-                if isinstance(data, Aggregate) and data.get("TOOL_NO") is not None:
+                if isinstance(data, krl.Aggregate) and data.get("TOOL_NO") is not None:
                     _fdat_range(subject, module.dat_path, line, data)
 
 
@@ -144,16 +132,16 @@ def _in_range(
         subject.add(10, severity, path, line, f"{name} 0 is {frame}")
 
 
-def _fdat_range(subject: Subject, path: str, line: int, value: Aggregate) -> None:
+def _fdat_range(subject: Subject, path: str, line: int, value: krl.Aggregate) -> None:
     for what in ("TOOL", "BASE"):
         found = number(value.get(f"{what}_NO"))
         if found is not None:
             _in_range(subject, path, line, what, found, soft_zero=True)
 
 
-def _fdat(subject: Subject, part: Part, statement: Assign, active: dict[str, float]) -> None:
+def _fdat(subject: Subject, part: Part, statement: krl.Assign, active: dict[str, float]) -> None:
     value = subject.value(statement.value, part.module)
-    if not isinstance(value, Aggregate):
+    if not isinstance(value, krl.Aggregate):
         return
     if value is statement.value:
         _fdat_range(subject, part.path, statement.line, value)
@@ -168,10 +156,10 @@ def _with_frames(subject: Subject, part: Part) -> None:
     """Check the frame data that forms of KSS 8.6 name behind WITH."""
     for step in part.steps:
         for setting in step.move.settings:
-            if setting.target in ("$TOOL", "$BASE") and isinstance(setting.value, Expr):
+            if setting.target in ("$TOOL", "$BASE") and isinstance(setting.value, krl.Expr):
                 name = setting.value.text.partition("(")[2].partition(")")[0].partition(".")[0]
-                value = subject.value(Expr(name.strip()), part.module)
-                if isinstance(value, Aggregate):
+                value = subject.value(krl.Expr(name.strip()), part.module)
+                if isinstance(value, krl.Aggregate):
                     _fdat_range(subject, part.path, step.move.line, value)
 
 
@@ -187,17 +175,17 @@ def first_motions(subject: Subject) -> None:
         fresh, why = True, "the first motion of the program"
         if is_called:
             why = f"the first motion of {part.routine.name}"
-        for statement in part.of_kinds(Call, Move):
-            if isinstance(statement, Call):
+        for statement in part.of_kinds(krl.Call, krl.Move):
+            if isinstance(statement, krl.Call):
                 target = subject.called(statement.name, part.module)
                 if target is not None and key_of(*target) in subject.moving:
                     fresh, why = True, f"the first motion behind the call of {target[1].name}"
-            elif isinstance(statement, Move) and fresh:
+            elif isinstance(statement, krl.Move) and fresh:
                 fresh = False
                 _first(subject, part, statement, why, is_called)
 
 
-def _first(subject: Subject, part: Part, move: Move, why: str, is_called: bool) -> None:
+def _first(subject: Subject, part: Part, move: krl.Move, why: str, is_called: bool) -> None:
     if not move.word.is_axis_motion:
         relative = move.word.is_relative and is_called
         subject.add(
@@ -210,9 +198,9 @@ def _first(subject: Subject, part: Part, move: Move, why: str, is_called: bool) 
         )
         return
     target = _known_target(subject, part.module, move.target)
-    if isinstance(target, Axes) and not target.is_complete:
+    if isinstance(target, krl.Axes) and not target.is_complete:
         subject.add(11, ERROR, part.path, move.line, f"{why} does not say all six axes")
-    elif isinstance(target, Pose):
+    elif isinstance(target, krl.Pose):
         missing = not target.is_complete or target.status is None or target.turn is None
         if missing:
             message = f"{why} does not say X to C with S and T: the arm's pose is not fixed"
@@ -222,8 +210,10 @@ def _first(subject: Subject, part: Part, move: Move, why: str, is_called: bool) 
         subject.add(11, WARNING, part.path, move.line, message)
 
 
-def _known_target(subject: Subject, module: KrlModule, value: Value) -> Pose | Axes | str | None:
+def _known_target(
+    subject: Subject, module: krl.KrlModule, value: krl.Value
+) -> krl.Pose | krl.Axes | str | None:
     found = subject.point(value, module)
     if found is not None:
         return found
-    return value.text if isinstance(value, Expr) else None
+    return value.text if isinstance(value, krl.Expr) else None

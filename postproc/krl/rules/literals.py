@@ -9,24 +9,10 @@ from itertools import chain
 
 import numpy as np
 
+from postproc.krl import text as krl
 from postproc.krl.rules.part import number
 from postproc.krl.rules.scope import COMPONENTS
 from postproc.krl.rules.subject import ERROR, WARNING, Subject, files_of
-from postproc.krl.text import (
-    LONG_LINE,
-    Aggregate,
-    Axes,
-    Comment,
-    Expr,
-    FoldBegin,
-    KrlModule,
-    Move,
-    Pose,
-    Statement,
-    TextFacts,
-    WaitSec,
-    components,
-)
 
 _NESTED = "a part of a structure"
 """Stands for the type of what lies within a structure: only its declaration knows it."""
@@ -46,7 +32,7 @@ LONGEST_SEEN = 431
 def literals(subject: Subject) -> None:
     """Row 7: numbers are numbers, components known and not repeated, axes and poses not mixed."""
     for part in subject.parts:
-        for statement in part.of(WaitSec):
+        for statement in part.of(krl.WaitSec):
             seconds = number(statement.seconds)
             if seconds is not None and seconds < 0.0:
                 message = f"WAIT SEC {seconds:g}: expected at least 0"
@@ -58,15 +44,17 @@ def literals(subject: Subject) -> None:
     for place in np.flatnonzero(~passed).tolist():
         path, line, value, type_name = subject.written[place]
         kind = type(value)
-        if kind is Aggregate:
+        if kind is krl.Aggregate:
             _aggregate(subject, path, line, value, type_name)  # type: ignore[arg-type]
-        elif kind is Expr and value.text.upper() in _NOT_NUMBERS:  # type: ignore[union-attr]
+        elif kind is krl.Expr and value.text.upper() in _NOT_NUMBERS:  # type: ignore[union-attr]
             subject.add(7, ERROR, path, line, f"{value.text} is no number")  # type: ignore[union-attr]
-        elif isinstance(value, Pose | Axes):
+        elif isinstance(value, krl.Pose | krl.Axes):
             _sizes(subject, path, line, value)
 
 
-def _aggregate(subject: Subject, path: str, line: int, value: Aggregate, type_name: str) -> None:
+def _aggregate(
+    subject: Subject, path: str, line: int, value: krl.Aggregate, type_name: str
+) -> None:
     names = [name.upper().partition("[")[0] for name, _ in value.fields]
     repeated = {name for name in names if names.count(name) > 1}
     if repeated:
@@ -80,9 +68,9 @@ def _aggregate(subject: Subject, path: str, line: int, value: Aggregate, type_na
     elif not repeated and ({"X", "Y", "Z"} & set(names)) and ({"A1", "A2", "A3"} & set(names)):
         subject.add(7, ERROR, path, line, "joint angles and coordinates are mixed")
     for name, item in value.fields:
-        if isinstance(item, Expr) and item.text.upper() in _NOT_NUMBERS:
+        if isinstance(item, krl.Expr) and item.text.upper() in _NOT_NUMBERS:
             subject.add(7, ERROR, path, line, f"{name} {item.text} is no number")
-        if isinstance(item, Aggregate):
+        if isinstance(item, krl.Aggregate):
             _aggregate(subject, path, line, item, "" if kind == "LOAD" else _NESTED)
 
 
@@ -97,11 +85,11 @@ def _allowed(kind: str, names: list[str]) -> frozenset[str] | None:
     return None
 
 
-def _sizes(subject: Subject, path: str, line: int, value: Pose | Axes) -> None:
-    if isinstance(value, Pose) and value.is_complete and not value.external:
+def _sizes(subject: Subject, path: str, line: int, value: krl.Pose | krl.Axes) -> None:
+    if isinstance(value, krl.Pose) and value.is_complete and not value.external:
         numbers: Iterable[float] = (value.x_mm, value.y_mm, value.z_mm)  # type: ignore[assignment]
     else:
-        numbers = [found for _, found in components(value)]
+        numbers = [found for _, found in krl.components(value)]
     for found in numbers:
         if abs(found) > _LARGEST:
             message = f"{found:g} is no coordinate of a robot"
@@ -116,11 +104,11 @@ def text(subject: Subject) -> None:
     """Row 8: ASCII, CR LF, no byte order mark, a final newline, lines and files not too long."""
     for module in subject.modules:
         parts = subject.parts_of(module)
-        moves = [move for part in parts for move in part.of(Move)]
+        moves = [move for part in parts for move in part.of(krl.Move)]
         # Parameters and code of a form of KSS 8.6 are long lines on real controllers, too.
         forms = {move.line for move in moves if move.settings}
         for part in parts:
-            forms |= {s.line for s in part.of(Comment) if s.text.startswith("Params ")}
+            forms |= {s.line for s in part.of(krl.Comment) if s.text.startswith("Params ")}
         for facts in (module.src_facts, module.dat_facts):
             if facts is not None:
                 _facts(subject, facts, forms if facts is module.src_facts else set())
@@ -130,7 +118,7 @@ def text(subject: Subject) -> None:
             subject.add(8, WARNING, module.src_path, 1, message, hint="split the program")
 
 
-def _facts(subject: Subject, facts: TextFacts, forms: set[int]) -> None:
+def _facts(subject: Subject, facts: krl.TextFacts, forms: set[int]) -> None:
     path = facts.path
     if facts.has_bom:
         subject.add(8, ERROR, path, 1, "a byte order mark stands in front of the text")
@@ -147,7 +135,7 @@ def _facts(subject: Subject, facts: TextFacts, forms: set[int]) -> None:
     for line, length in facts.long_lines:
         if line in forms and length <= LONGEST_SEEN:
             continue
-        message = f"a line of {length} characters, expected less than {LONG_LINE}"
+        message = f"a line of {length} characters, expected less than {krl.LONG_LINE}"
         subject.add(8, WARNING, path, line, message)
     if facts.size > subject.options.max_bytes:
         message = f"{facts.size} bytes: the pad gets slow, memory is a few MB for all programs"
@@ -166,7 +154,7 @@ def traces(subject: Subject) -> None:
         subject.add(26, WARNING, path, line, message)
 
 
-def _stamps(module: KrlModule) -> Iterator[tuple[str, int, str]]:
+def _stamps(module: krl.KrlModule) -> Iterator[tuple[str, int, str]]:
     """Yield file, line and message of every date or time."""
     for path, statements in files_of(module):
         for statement in statements:
@@ -183,14 +171,14 @@ def _stamp(path: str, line: int, text: str) -> Iterator[tuple[str, int, str]]:
         yield path, line, f"a date or time in the text: {found.group()}"
 
 
-def _said(statement: Statement) -> str:
+def _said(statement: krl.Statement) -> str:
     """Return what a line says to people."""
     kind = type(statement)
-    return statement.text if kind is Comment or kind is FoldBegin else statement.comment  # type: ignore[attr-defined]
+    return statement.text if kind is krl.Comment or kind is krl.FoldBegin else statement.comment  # type: ignore[attr-defined]
 
 
-def _has_minus_zero(value: Pose | Axes) -> bool:
-    if isinstance(value, Axes):
+def _has_minus_zero(value: krl.Pose | krl.Axes) -> bool:
+    if isinstance(value, krl.Axes):
         own: Iterable[float | None] = value.angles_deg
     else:
         own = (value.x_mm, value.y_mm, value.z_mm, value.a_deg, value.b_deg, value.c_deg)

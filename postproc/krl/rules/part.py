@@ -11,33 +11,14 @@ from typing import TypeVar
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
+from postproc.krl import text as krl
 from postproc.krl.rules.values import PLAIN
-from postproc.krl.text import (
-    Assign,
-    Axes,
-    Blank,
-    Call,
-    Comment,
-    Enum,
-    FoldBegin,
-    FoldEnd,
-    Interrupt,
-    KrlModule,
-    Move,
-    Pose,
-    Routine,
-    SplineBegin,
-    SplineEnd,
-    Statement,
-    Trigger,
-    Value,
-)
 from postproc.records import record
 
-_S = TypeVar("_S", bound=Statement)
-_TEXTS = frozenset({Comment, Blank, FoldBegin, FoldEnd})
+_S = TypeVar("_S", bound=krl.Statement)
+_TEXTS = frozenset({krl.Comment, krl.Blank, krl.FoldBegin, krl.FoldEnd})
 """Lines for people."""
-_LITERAL_TARGETS = frozenset({Pose, Axes})
+_LITERAL_TARGETS = frozenset({krl.Pose, krl.Axes})
 
 
 @record(frozen=True, slots=True)
@@ -45,13 +26,13 @@ class Step:
     """A motion of a routine: place in its statements, and the target if it is known."""
 
     index: int
-    move: Move
-    target: Pose | Axes | None
+    move: krl.Move
+    target: krl.Pose | krl.Axes | None
 
 
-def position_of(point: Pose | Axes | None) -> tuple[float | None, ...]:
+def position_of(point: krl.Pose | krl.Axes | None) -> tuple[float | None, ...]:
     """Return X, Y, Z [mm] of a point, as an array turns them into NaN where it has none."""
-    if type(point) is Pose:
+    if type(point) is krl.Pose:
         return point.x_mm, point.y_mm, point.z_mm
     return _NO_POSITION
 
@@ -62,7 +43,7 @@ _NO_POSITION = (None, None, None)
 RoutineKey = tuple[str, str, str, int]
 
 
-def key_of(module: KrlModule, routine: Routine) -> RoutineKey:
+def key_of(module: krl.KrlModule, routine: krl.Routine) -> RoutineKey:
     """Return what tells a routine from all others: file, module, name, line."""
     return module.src_path, module.name, routine.name, routine.line
 
@@ -71,9 +52,9 @@ def key_of(module: KrlModule, routine: Routine) -> RoutineKey:
 class Part:
     """One routine of one module."""
 
-    module: KrlModule
-    routine: Routine
-    point: Callable[[Value | None, KrlModule], Pose | Axes | None]
+    module: krl.KrlModule
+    routine: krl.Routine
+    point: Callable[[krl.Value | None, krl.KrlModule], krl.Pose | krl.Axes | None]
     """What finds the point that a target of a module names."""
 
     @property
@@ -90,11 +71,11 @@ class Part:
     """Motions in the order of the text."""
     in_block: frozenset[int] = field(init=False)
     """Statement indices of motions within a spline block."""
-    telling: list[tuple[Statement, int]] = field(init=False)
+    telling: list[tuple[krl.Statement, int]] = field(init=False)
     """All statements but lines for people and motions to literals, which say nothing that a rule
     about names and values asks for; each with the number of what it says, -1 for no number.
     Assignments with one number say the same."""
-    different: list[Statement] = field(init=False)
+    different: list[krl.Statement] = field(init=False)
     """Of those that say the same, the first."""
     _places: dict[type, list[int]] = field(init=False)
     """Statement indices of each kind."""
@@ -108,30 +89,30 @@ class Part:
         self._places = defaultdict(list)
         for index, kind in enumerate(map(type, statements)):
             self._places[kind].append(index)
-        moves = self.of(Move)
+        moves = self.of(krl.Move)
         targets = [
             move.target
             if type(move.target) in _LITERAL_TARGETS
             else point(move.target, self.module)
             for move in moves
         ]
-        self.steps = tuple(map(Step, self._places[Move], moves, targets))  # type: ignore[arg-type]
+        self.steps = tuple(map(Step, self._places[krl.Move], moves, targets))  # type: ignore[arg-type]
         self.in_block = frozenset(self._within_blocks())
         self.telling = list(_telling(statements))
         self.different = list(_different(self.telling))
 
     def _within_blocks(self) -> Iterator[int]:
-        if not self._places[SplineBegin]:
+        if not self._places[krl.SplineBegin]:
             return
         inside = False
         for index, statement in enumerate(self.routine.statements):
             kind = type(statement)
-            if kind is Move and inside:
+            if kind is krl.Move and inside:
                 yield index
-            elif kind is SplineBegin or kind is SplineEnd:
-                inside = kind is SplineBegin
+            elif kind is krl.SplineBegin or kind is krl.SplineEnd:
+                inside = kind is krl.SplineBegin
 
-    def places(self, *kinds: type[Statement]) -> list[int]:
+    def places(self, *kinds: type[krl.Statement]) -> list[int]:
         """Return the indices of all statements of some kinds, in the order of the text."""
         return sorted(chain.from_iterable(self._places.get(kind, ()) for kind in kinds))
 
@@ -140,7 +121,7 @@ class Part:
         statements = self.routine.statements
         return [statements[index] for index in self._places.get(kind, ())]  # type: ignore[misc]
 
-    def of_kinds(self, *kinds: type[Statement]) -> list[Statement]:
+    def of_kinds(self, *kinds: type[krl.Statement]) -> list[krl.Statement]:
         """Return all statements of some kinds, in the order of the text."""
         statements = self.routine.statements
         return [statements[index] for index in self.places(*kinds)]
@@ -153,7 +134,7 @@ class Part:
         """
         values = np.array([np.nan, *(value for _, value in changes)])
         places = np.array([index for index, _ in changes], dtype=np.int64)
-        return np.asarray(values[np.searchsorted(places, self._places[Move])])
+        return np.asarray(values[np.searchsorted(places, self._places[krl.Move])])
 
     @property
     def path_speeds(self) -> FloatArray:
@@ -163,12 +144,14 @@ class Part:
         return self._path_speeds
 
     @property
-    def calls(self) -> Iterator[Call]:
+    def calls(self) -> Iterator[krl.Call]:
         """All calls, those of triggers and interrupts included."""
-        for statement in self.of_kinds(Call, Trigger, Interrupt):
-            if isinstance(statement, Call):
+        for statement in self.of_kinds(krl.Call, krl.Trigger, krl.Interrupt):
+            if isinstance(statement, krl.Call):
                 yield statement
-            elif isinstance(statement, Trigger | Interrupt) and isinstance(statement.action, Call):
+            elif isinstance(statement, krl.Trigger | krl.Interrupt) and isinstance(
+                statement.action, krl.Call
+            ):
                 yield statement.action
 
     @property
@@ -194,45 +177,45 @@ class Part:
             self._is_path = np.array([not s.move.word.is_axis_motion for s in self.steps], bool)
         return self._is_path
 
-    def between(self, first: Step, second: Step) -> Sequence[Statement]:
+    def between(self, first: Step, second: Step) -> Sequence[krl.Statement]:
         """Return the statements between two motions."""
         if second.index == first.index + 1:
             return ()
         return self.routine.statements[first.index + 1 : second.index]
 
 
-def bas(statement: Statement) -> tuple[str, Value | None]:
+def bas(statement: krl.Statement) -> tuple[str, krl.Value | None]:
     """Return command and argument of a BAS call, ("", None) for any other statement."""
-    if not isinstance(statement, Call) or statement.name.upper() != "BAS":
+    if not isinstance(statement, krl.Call) or statement.name.upper() != "BAS":
         return "", None
     arguments = statement.arguments
     command = arguments[0] if arguments else None
-    name = command.name.upper() if isinstance(command, Enum) else ""
+    name = command.name.upper() if isinstance(command, krl.Enum) else ""
     return name, arguments[1] if len(arguments) > 1 else None
 
 
-def number(value: Value | None) -> float | None:
+def number(value: krl.Value | None) -> float | None:
     """Return a literal number, None for anything else."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
     return float(value)
 
 
-def known_number(value: Value | None) -> float:
+def known_number(value: krl.Value | None) -> float:
     """Return a literal number, NaN for anything else."""
     found = number(value)
     return float("nan") if found is None else found
 
 
-def _telling(statements: Sequence[Statement]) -> Iterator[tuple[Statement, int]]:
+def _telling(statements: Sequence[krl.Statement]) -> Iterator[tuple[krl.Statement, int]]:
     """Yield the statements that are more than a line for people or a motion to a literal."""
     numbers: dict[tuple[str, type, object], int] = {}
     for statement in statements:
         kind = type(statement)
-        if kind is Move:
+        if kind is krl.Move:
             if not _is_plain(statement):  # type: ignore[arg-type]
                 yield statement, -1
-        elif kind is Assign:
+        elif kind is krl.Assign:
             value = statement.value  # type: ignore[attr-defined]
             of = type(value)
             if of in PLAIN:
@@ -244,7 +227,7 @@ def _telling(statements: Sequence[Statement]) -> Iterator[tuple[Statement, int]]
             yield statement, -1
 
 
-def _different(telling: Sequence[tuple[Statement, int]]) -> Iterator[Statement]:
+def _different(telling: Sequence[tuple[krl.Statement, int]]) -> Iterator[krl.Statement]:
     """Yield the first of all statements that say the same."""
     known: set[int] = set()
     for statement, said in telling:
@@ -254,7 +237,7 @@ def _different(telling: Sequence[tuple[Statement, int]]) -> Iterator[Statement]:
                 known.add(said)
 
 
-def _is_plain(move: Move) -> bool:
+def _is_plain(move: krl.Move) -> bool:
     """Whether a motion goes to a literal, and that is all it says."""
     return type(move.target) in _LITERAL_TARGETS and move.auxiliary is None and not move.settings
 
@@ -262,9 +245,9 @@ def _is_plain(move: Move) -> bool:
 def _path_speeds(part: Part) -> FloatArray:
     changes = []
     for index, statement in zip(
-        part.places(Assign, Call), part.of_kinds(Assign, Call), strict=True
+        part.places(krl.Assign, krl.Call), part.of_kinds(krl.Assign, krl.Call), strict=True
     ):
-        if isinstance(statement, Assign):
+        if isinstance(statement, krl.Assign):
             if statement.target == "$VEL.CP":
                 changes.append((index, known_number(statement.value)))
         else:

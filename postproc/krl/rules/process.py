@@ -6,25 +6,10 @@ import re
 from collections.abc import Iterator, Set
 from itertools import islice
 
+from postproc.krl import text as krl
 from postproc.krl.rules.blending import FEED
 from postproc.krl.rules.part import Part, RoutineKey, bas, key_of, number
 from postproc.krl.rules.subject import ERROR, WARNING, Subject
-from postproc.krl.text import (
-    Assign,
-    Call,
-    Control,
-    Halt,
-    Interrupt,
-    KrlModule,
-    Move,
-    Routine,
-    SplineBegin,
-    SplineEnd,
-    Statement,
-    Trigger,
-    WaitFor,
-    WaitSec,
-)
 from postproc.records import dataclass
 
 _ON = re.compile(r"SPINDLE.*(ON|RUN|START)\Z|SPINDLERUN\Z")
@@ -32,7 +17,7 @@ _OFF = re.compile(r"SPINDLE.*(OFF|STOP)\Z")
 MOST_PRIORITY = 128
 OWN_PRIORITIES = range(40, 81)
 """Interrupts and triggers have priorities from 1; those in between the controller gives itself."""
-_BLOCKING = (Halt, WaitFor, WaitSec, SplineEnd)
+_BLOCKING = (krl.Halt, krl.WaitFor, krl.WaitSec, krl.SplineEnd)
 
 
 def spindle(subject: Subject) -> None:
@@ -55,13 +40,17 @@ class _Spindle:
     may_leave: bool = False
 
 
-def _spindle(subject: Subject, module: KrlModule, routine: Routine) -> None:
-    names = {_called(statement) for _, statement in subject.walk(module, routine, Call, Trigger)}
+def _spindle(subject: Subject, module: krl.KrlModule, routine: krl.Routine) -> None:
+    names = {
+        _called(statement) for _, statement in subject.walk(module, routine, krl.Call, krl.Trigger)
+    }
     if not any(_ON.search(name) or _OFF.search(name) for name in names):
         return  # no spindle of which the text knows
     state = _Spindle()
-    for here, statement in subject.walk(module, routine, Assign, Move, Call, Trigger):
-        if isinstance(statement, Assign | Move):
+    for here, statement in subject.walk(
+        module, routine, krl.Assign, krl.Move, krl.Call, krl.Trigger
+    ):
+        if isinstance(statement, krl.Assign | krl.Move):
             _follow(state, statement, here)
             continue
         place, name = (here.src_path, statement.line), _called(statement)
@@ -83,8 +72,8 @@ def _spindle(subject: Subject, module: KrlModule, routine: Routine) -> None:
         subject.add(21, WARNING, *state.on, message, hint="call what stops it at the end")
 
 
-def _follow(state: _Spindle, statement: Assign | Move, here: KrlModule) -> None:
-    if isinstance(statement, Assign):
+def _follow(state: _Spindle, statement: krl.Assign | krl.Move, here: krl.KrlModule) -> None:
+    if isinstance(statement, krl.Assign):
         if statement.target == "$VEL.CP":
             state.speed = number(statement.value)
     elif not statement.word.is_axis_motion:
@@ -94,10 +83,10 @@ def _follow(state: _Spindle, statement: Assign | Move, here: KrlModule) -> None:
         state.may_leave = False
 
 
-def _called(statement: Statement) -> str:
-    if isinstance(statement, Trigger):
+def _called(statement: krl.Statement) -> str:
+    if isinstance(statement, krl.Trigger):
         statement = statement.action
-    return statement.name.upper() if isinstance(statement, Call) else ""
+    return statement.name.upper() if isinstance(statement, krl.Call) else ""
 
 
 # --------------------------------------------------------------------------------------- triggers
@@ -105,22 +94,24 @@ def _called(statement: Statement) -> str:
 
 def triggers(subject: Subject) -> None:
     """Row 22: a trigger belongs to the motion behind it; interrupt numbers are not shared."""
-    decls = [s for part in subject.parts for s in part.of(Interrupt) if s.word == "DECL"]
+    decls = [s for part in subject.parts for s in part.of(krl.Interrupt) if s.word == "DECL"]
     declared = {number(s.number) for s in decls} - {None}
     if any(number(s.number) is None for s in decls):
         declared |= set(range(1, MOST_PRIORITY + 1))  # which one is not known
     programs = _programs(subject)
     for part in subject.parts:
         statements = part.routine.statements
-        for index in part.places(Trigger):
+        for index in part.places(krl.Trigger):
             _trigger(subject, part, statements[index], islice(statements, index + 1, None))  # type: ignore[arg-type]
         _interrupts(subject, part, declared, part.key in programs)
         _brakes(subject, part, part.key in programs)
 
 
-def _trigger(subject: Subject, part: Part, trigger: Trigger, behind: Iterator[Statement]) -> None:
+def _trigger(
+    subject: Subject, part: Part, trigger: krl.Trigger, behind: Iterator[krl.Statement]
+) -> None:
     stop = next((s for s in behind if _ends_search(subject, part, s)), None)
-    following = stop if isinstance(stop, Move) else None
+    following = stop if isinstance(stop, krl.Move) else None
     line = trigger.line
     if isinstance(stop, _BLOCKING) or (stop is None and part.key not in subject.called_routines):
         subject.add(22, WARNING, part.path, line, "a TRIGGER without a motion behind it")
@@ -132,18 +123,18 @@ def _trigger(subject: Subject, part: Part, trigger: Trigger, behind: Iterator[St
     if trigger.word == "DISTANCE" and number(trigger.where) not in (0.0, 1.0, None):
         message = "TRIGGER WHEN DISTANCE: 0 is the start of the motion, 1 its end"
         subject.add(22, WARNING, part.path, line, message)
-    if isinstance(trigger.action, Call) and trigger.priority is None:
+    if isinstance(trigger.action, krl.Call) and trigger.priority is None:
         message = "a TRIGGER that calls a routine needs PRIO"
         subject.add(22, ERROR, part.path, line, message, hint="PRIO=-1: the controller chooses")
     _priority(subject, part, line, "PRIO", number(trigger.priority), lowest=-1)
 
 
-def _ends_search(subject: Subject, part: Part, statement: Statement) -> bool:
+def _ends_search(subject: Subject, part: Part, statement: krl.Statement) -> bool:
     """Whether a statement behind a trigger decides about it, or lets nobody tell."""
-    if isinstance(statement, Call):
+    if isinstance(statement, krl.Call):
         target = subject.called(statement.name, part.module)
         return target is not None and key_of(*target) in subject.moving
-    return isinstance(statement, (Move, SplineBegin, Control, *_BLOCKING))
+    return isinstance(statement, (krl.Move, krl.SplineBegin, krl.Control, *_BLOCKING))
 
 
 def _priority(
@@ -165,7 +156,7 @@ def _interrupts(
     subject: Subject, part: Part, declared: Set[float | None], is_program: bool
 ) -> None:
     seen: dict[float, int] = {}
-    for statement in part.of(Interrupt):
+    for statement in part.of(krl.Interrupt):
         value = number(statement.number)
         if value is None:
             continue
@@ -178,7 +169,7 @@ def _interrupts(
             continue
         _priority(subject, part, statement.line, "INTERRUPT DECL", value)
         action = statement.action
-        stop = isinstance(action, Call) and action.name.upper() == "IR_STOPM"
+        stop = isinstance(action, krl.Call) and action.name.upper() == "IR_STOPM"
         if value == 3 and not stop:
             message = "interrupt 3 belongs to the stop message of the INI"
             subject.add(22, WARNING, part.path, statement.line, message)
@@ -190,7 +181,7 @@ def _interrupts(
 
 def _brakes(subject: Subject, part: Part, is_program: bool) -> None:
     """BRAKE and RESUME stand in the routine of an interrupt: a program that has them stops."""
-    for statement in part.of(Control) if is_program else ():
+    for statement in part.of(krl.Control) if is_program else ():
         if statement.word in ("BRAKE", "RESUME"):
             message = f"{statement.word} in a program: it stands in the routine of an interrupt"
             subject.add(22, ERROR, part.path, statement.line, message)

@@ -8,30 +8,9 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
+from postproc.krl import text as krl
 from postproc.krl.system import system_types, system_variables
-from postproc.krl.text import (
-    Aggregate,
-    Axes,
-    Binary,
-    Declaration,
-    Enum,
-    Expr,
-    FunctionCall,
-    KrlModule,
-    KrlSyntaxError,
-    Node,
-    Pose,
-    Raw,
-    Reference,
-    Routine,
-    Statement,
-    Structure,
-    Text,
-    Unary,
-    Value,
-    components,
-    parse_expression,
-)
+from postproc.krl.text import components
 from postproc.records import record
 
 DEFINES = re.compile(
@@ -76,9 +55,9 @@ LANGUAGE_TYPES = _SCALARS | COMPONENTS.keys()
 _TRUTH = frozenset({"==", "<>", "<", ">", "<=", ">=", "AND", "OR", "EXOR"})
 
 
-Place = tuple[KrlModule, Routine | None]
+Place = tuple[krl.KrlModule, krl.Routine | None]
 """Where a value stands: its module and routine, None in a data list."""
-Called = Callable[[str, KrlModule], tuple[KrlModule, Routine] | None]
+Called = Callable[[str, krl.KrlModule], tuple[krl.KrlModule, krl.Routine] | None]
 
 
 @record(frozen=True, slots=True)
@@ -93,7 +72,7 @@ class Type:
     sizes: tuple[int, ...] = ()
 
 
-_PLAIN = {bool: Type("BOOL"), int: Type("INT"), float: Type("REAL"), Text: Type("CHAR")}
+_PLAIN = {bool: Type("BOOL"), int: Type("INT"), float: Type("REAL"), krl.Text: Type("CHAR")}
 
 
 class Scope:
@@ -104,7 +83,7 @@ class Scope:
         called: what gives the routine that a call from a module reaches, None if it is not here.
     """
 
-    def __init__(self, modules: Sequence[KrlModule], called: Called) -> None:
+    def __init__(self, modules: Sequence[krl.KrlModule], called: Called) -> None:
         self._called = called
         self.structures: dict[str, dict[str, Type] | None] = {}
         """Components of the structures that files define, None where two files differ."""
@@ -116,18 +95,18 @@ class Scope:
         for module in modules:
             self._read(module)
 
-    def _read(self, module: KrlModule) -> None:
+    def _read(self, module: krl.KrlModule) -> None:
         data = module.data.statements if module.data is not None else ()
         self._modules[module.dat_path, module.name] = dict(_variables(data))
         for statement in data:
             seen = not module.routines or (
-                isinstance(statement, Declaration) and statement.is_global
+                isinstance(statement, krl.Declaration) and statement.is_global
             )
             for name, kind in _variables((statement,)) if seen else ():
                 known = self._everywhere.setdefault(name, kind)
                 self._everywhere[name] = kind if known == kind else None
         for statements in (data, *(routine.statements for routine in module.routines)):
-            for text in [s.text for s in statements if type(s) is Raw]:
+            for text in [s.text for s in statements if type(s) is krl.Raw]:
                 self._define(text)
 
     def _define(self, text: str) -> None:
@@ -175,7 +154,9 @@ class Scope:
 
     # ---------------------------------------------------------------------------------- variables
 
-    def variable(self, name: str, module: KrlModule, routine: Routine | None) -> Type | None:
+    def variable(
+        self, name: str, module: krl.KrlModule, routine: krl.Routine | None
+    ) -> Type | None:
         """Return the type of a variable (upper case) where a routine or data list uses it."""
         if routine is not None:
             own = self._routines.get(id(routine))
@@ -190,28 +171,32 @@ class Scope:
             return data[name]
         return self._everywhere.get(name) or _system_type(name)
 
-    def parameters(self, module: KrlModule, routine: Routine) -> tuple[Type | None, ...]:
+    def parameters(self, module: krl.KrlModule, routine: krl.Routine) -> tuple[Type | None, ...]:
         """Return the types of a routine's parameters."""
         return tuple(self.variable(p.name.upper(), module, routine) for p in routine.parameters)
 
-    def type_of(self, node: Node, module: KrlModule, routine: Routine | None) -> Type | None:
+    def type_of(
+        self, node: krl.Node, module: krl.KrlModule, routine: krl.Routine | None
+    ) -> Type | None:
         """Return the type of an expression; None: not known, or a literal structure."""
         plain = _PLAIN.get(type(node))
         if plain is not None:
             return plain
-        if isinstance(node, Reference):
+        if isinstance(node, krl.Reference):
             return self._selected(node, self.variable(node.name, module, routine))
-        if isinstance(node, FunctionCall):
+        if isinstance(node, krl.FunctionCall):
             target = self._called(node.name, module)
             result = target[1].result_type if target is not None else None
             return Type(result.upper()) if result and "[" not in result else None
-        if isinstance(node, Binary):
+        if isinstance(node, krl.Binary):
             return self._computed(node, module, routine)
-        if isinstance(node, Unary) and node.operator == "-":
+        if isinstance(node, krl.Unary) and node.operator == "-":
             return self.type_of(node.operand, module, routine)
-        return Type("BOOL") if isinstance(node, Unary) and node.operator == "NOT" else None
+        return Type("BOOL") if isinstance(node, krl.Unary) and node.operator == "NOT" else None
 
-    def _computed(self, node: Binary, module: KrlModule, routine: Routine | None) -> Type | None:
+    def _computed(
+        self, node: krl.Binary, module: krl.KrlModule, routine: krl.Routine | None
+    ) -> Type | None:
         if node.operator in _TRUTH:
             return Type("BOOL")
         left = self.type_of(node.left, module, routine)
@@ -219,7 +204,9 @@ class Scope:
         is_number = self.family(left) == self.family(right) == "a number"
         return Type("REAL") if is_number and node.operator in "+-*/" else None
 
-    def beyond(self, node: Reference, module: KrlModule, routine: Routine | None) -> str:
+    def beyond(
+        self, node: krl.Reference, module: krl.KrlModule, routine: krl.Routine | None
+    ) -> str:
         """Return which elements an array has that a reference goes beyond; empty: it does not."""
         kind = self.variable(node.name, module, routine)
         for selector in node.selectors:
@@ -229,14 +216,14 @@ class Scope:
                 kind = (self.structures.get(kind.name) or {}).get(selector)
                 continue
             for index, size in zip(selector, kind.sizes, strict=False):
-                if isinstance(index, Unary) and index.operator == "-":
+                if isinstance(index, krl.Unary) and index.operator == "-":
                     return f"elements 1 to {size}" if size else "no such element"
                 if type(index) is int and size and not 1 <= index <= size:
                     return f"elements 1 to {size}"
             kind = Type(kind.name)
         return ""
 
-    def _selected(self, node: Reference, kind: Type | None) -> Type | None:
+    def _selected(self, node: krl.Reference, kind: Type | None) -> Type | None:
         for selector in node.selectors:
             if kind is None:
                 return None
@@ -251,30 +238,30 @@ class Scope:
 
     # ------------------------------------------------------------------------------------- values
 
-    def mismatch(self, value: Value | None, wanted: Type | None, place: Place) -> str:
+    def mismatch(self, value: krl.Value | None, wanted: Type | None, place: Place) -> str:
         """Return what a value is that a type does not take; empty: it does, or who knows."""
         family = self.family(wanted)
         if wanted is None or not family or value is None:
             return ""
-        if isinstance(value, Enum):
+        if isinstance(value, krl.Enum):
             return self._constant(value, wanted)
-        if isinstance(value, Pose | Axes | Aggregate):
+        if isinstance(value, krl.Pose | krl.Axes | krl.Aggregate):
             return self._structure(value, wanted)
         node = _node(value)
         found = self.family(None if node is None else self.type_of(node, *place))
         # one character is its number as well
         texts = {family, found} <= {"CHAR", "a number"}
-        if isinstance(node, Text) and family == "a number" and len(node.value) != 1:
+        if isinstance(node, krl.Text) and family == "a number" and len(node.value) != 1:
             return "a text"
         return "" if not found or found == family or texts else found
 
-    def _constant(self, value: Enum, wanted: Type) -> str:
+    def _constant(self, value: krl.Enum, wanted: Type) -> str:
         constants = self.constants(wanted)
         if constants is not None:
             return "" if value.name.upper() in constants else f"#{value.name}"
         return f"#{value.name}" if wanted.name in LANGUAGE_TYPES else ""
 
-    def _structure(self, value: Pose | Axes | Aggregate, wanted: Type) -> str:
+    def _structure(self, value: krl.Pose | krl.Axes | krl.Aggregate, wanted: Type) -> str:
         names = names_of(value)
         shown = f"{{{', '.join(names)}}}"
         if wanted.name in self.structures:
@@ -292,40 +279,40 @@ def _system_type(name: str) -> Type | None:
     return Type(variable.type, 0 if variable.size is None else 1)
 
 
-def declared_names(module: KrlModule) -> frozenset[str]:
+def declared_names(module: krl.KrlModule) -> frozenset[str]:
     """Return the variables, signals, structures and enumerations of a data list, in upper case."""
     statements = module.data.statements if module.data is not None else ()
-    defined = (DEFINES.match(s.text) for s in statements if isinstance(s, Raw))
+    defined = (DEFINES.match(s.text) for s in statements if isinstance(s, krl.Raw))
     types = {found.group(2).upper() for found in defined if found}
     return frozenset(types | {name for name, _ in _variables(statements)})
 
 
-def names_of(value: Pose | Axes | Aggregate) -> list[str]:
+def names_of(value: krl.Pose | krl.Axes | krl.Aggregate) -> list[str]:
     """Return the components that are written in a structure, without indices."""
-    if isinstance(value, Aggregate):
+    if isinstance(value, krl.Aggregate):
         return [name.upper().partition("[")[0] for name, _ in value.fields]
     return [name for name, _ in components(value)]
 
 
-def _node(value: Value) -> Node | None:
-    if not isinstance(value, Expr):
+def _node(value: krl.Value) -> krl.Node | None:
+    if not isinstance(value, krl.Expr):
         return value
     try:
-        node = parse_expression(value.text)
-    except KrlSyntaxError:
+        node = krl.parse_expression(value.text)
+    except krl.KrlSyntaxError:
         return None  # row 1 has it
-    return None if isinstance(node, Structure) else node
+    return None if isinstance(node, krl.Structure) else node
 
 
-def _variables(statements: Iterable[Statement]) -> Iterator[tuple[str, Type | None]]:
+def _variables(statements: Iterable[krl.Statement]) -> Iterator[tuple[str, Type | None]]:
     """Yield name and type of what is declared; of a signal only that it is there."""
     for statement in statements:
-        if type(statement) is Declaration:
+        if type(statement) is krl.Declaration:
             for variable in statement.variables:
                 sizes = _sizes(variable.dimension)
                 kind = Type(statement.type_name.upper(), len(sizes), sizes)
                 yield variable.name.upper(), kind
-        elif type(statement) is Raw:
+        elif type(statement) is krl.Raw:
             found = DEFINES.match(statement.text)
             if found and found.group(1).upper() in ("SIGNAL", "CHANNEL"):
                 yield found.group(2).upper(), None

@@ -4,26 +4,9 @@ from __future__ import annotations
 
 import re
 
+from postproc.krl import text as krl
 from postproc.krl.rules.part import Part
 from postproc.krl.rules.subject import ERROR, Subject
-from postproc.krl.text import (
-    Assign,
-    Blank,
-    Comment,
-    Control,
-    DataList,
-    Declaration,
-    External,
-    FoldBegin,
-    FoldEnd,
-    KrlModule,
-    Raw,
-    Routine,
-    SplineBegin,
-    SplineEnd,
-    Statement,
-    Variable,
-)
 
 _FOREIGN = re.compile(r"^(INI\s*$|//|[NG]\d+\b|.*\bVel=|M\d+\s*$|%)", re.IGNORECASE)
 _PARTNERS = {
@@ -36,9 +19,9 @@ _PARTNERS = {
 }
 _INSIDE = {"ELSE": "IF", "CASE": "SWITCH", "DEFAULT": "SWITCH"}
 _LOOPS = frozenset({"FOR", "LOOP", "WHILE", "REPEAT"})
-_QUIET = (Comment, Blank, FoldBegin, FoldEnd)
+_QUIET = (krl.Comment, krl.Blank, krl.FoldBegin, krl.FoldEnd)
 _DECLARING = frozenset({"SIGNAL", "STRUC", "ENUM", "CHANNEL", "IMPORT"})
-_DATA = (Declaration, External, Raw, Assign)
+_DATA = (krl.Declaration, krl.External, krl.Raw, krl.Assign)
 
 
 def parses(subject: Subject) -> None:
@@ -68,19 +51,19 @@ def blocks(subject: Subject) -> None:
 
 def _balance(subject: Subject, part: Part) -> None:
     module, stack = part.module, list[tuple[str, int]]()
-    for statement in part.of_kinds(SplineBegin, SplineEnd, Control):
-        if isinstance(statement, SplineBegin):
+    for statement in part.of_kinds(krl.SplineBegin, krl.SplineEnd, krl.Control):
+        if isinstance(statement, krl.SplineBegin):
             stack.append(("SPLINE", statement.line))
-        elif isinstance(statement, SplineEnd):
+        elif isinstance(statement, krl.SplineEnd):
             _close(subject, module, stack, "SPLINE", "ENDSPLINE", statement.line)
-        elif isinstance(statement, Control):
+        elif isinstance(statement, krl.Control):
             _control(subject, module, stack, statement)
     for word, line in stack:
         subject.add(2, ERROR, module.src_path, line, f"{word} is never closed")
 
 
 def _control(
-    subject: Subject, module: KrlModule, stack: list[tuple[str, int]], statement: Control
+    subject: Subject, module: krl.KrlModule, stack: list[tuple[str, int]], statement: krl.Control
 ) -> None:
     word = statement.word
     if word in _PARTNERS.values():
@@ -95,7 +78,7 @@ def _control(
 
 def _close(
     subject: Subject,
-    module: KrlModule,
+    module: krl.KrlModule,
     stack: list[tuple[str, int]],
     opener: str,
     closer: str,
@@ -123,12 +106,12 @@ def _routine_declarations(subject: Subject, part: Part) -> None:
         i for i, s in enumerate(statements) if not (isinstance(s, _QUIET) or _declares(s))
     )
     first = next(instructions, len(statements))
-    for index in part.places(Declaration, External, Raw):
+    for index in part.places(krl.Declaration, krl.External, krl.Raw):
         statement = statements[index]
         if index > first and _declares(statement):
             message = f"a declaration behind the first instruction (line {statements[first].line})"
             subject.add(6, ERROR, module.src_path, statement.line, message)
-        for variable in statement.variables if isinstance(statement, Declaration) else ():
+        for variable in statement.variables if isinstance(statement, krl.Declaration) else ():
             _sized(subject, module, routine, statement.line, variable)
             if variable.value is not None:
                 subject.add(
@@ -142,7 +125,7 @@ def _routine_declarations(subject: Subject, part: Part) -> None:
 
 
 def _sized(
-    subject: Subject, module: KrlModule, routine: Routine, line: int, variable: Variable
+    subject: Subject, module: krl.KrlModule, routine: krl.Routine, line: int, variable: krl.Variable
 ) -> None:
     """An array has a size, but for a parameter, which takes that of its argument."""
     name = variable.name.upper()
@@ -153,15 +136,15 @@ def _sized(
         subject.add(6, ERROR, module.src_path, line, message)
 
 
-def _declares(statement: Statement) -> bool:
-    if isinstance(statement, Raw):
+def _declares(statement: krl.Statement) -> bool:
+    if isinstance(statement, krl.Raw):
         return statement.word in _DECLARING
-    return isinstance(statement, (Declaration, External))
+    return isinstance(statement, (krl.Declaration, krl.External))
 
 
-def _data_lines(subject: Subject, module: KrlModule, data: DataList) -> None:
+def _data_lines(subject: Subject, module: krl.KrlModule, data: krl.DataList) -> None:
     for statement in data.statements:
-        if isinstance(statement, Assign):
+        if isinstance(statement, krl.Assign):
             if "[" not in statement.target and "." not in statement.target:
                 message = f"{statement.target}: declaration and value belong on one line"
                 subject.add(6, ERROR, module.dat_path, statement.line, message)
@@ -173,7 +156,7 @@ def _data_lines(subject: Subject, module: KrlModule, data: DataList) -> None:
 def labels(subject: Subject) -> None:
     """Row 29: every GOTO has its label in the routine, and no label appears there twice."""
     for part in subject.parts:
-        controls = part.of(Control)
+        controls = part.of(krl.Control)
         lines: dict[str, int] = {}
         for label in controls:
             name = label.text.upper()

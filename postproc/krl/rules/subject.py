@@ -8,21 +8,11 @@ from itertools import chain
 
 from postproc.arrays import BoolArray
 from postproc.errors import Finding, Severity, SourceRef
+from postproc.krl import text as krl
 from postproc.krl.rules.part import Part, RoutineKey, key_of
 from postproc.krl.rules.scope import Scope
 from postproc.krl.rules.values import Points, Written, points_among, written_in
 from postproc.krl.system import system_variables
-from postproc.krl.text import (
-    Axes,
-    Call,
-    Declaration,
-    Expr,
-    KrlModule,
-    Pose,
-    Routine,
-    Statement,
-    Value,
-)
 from postproc.records import record
 
 ERROR, WARNING, NOTE = Severity.ERROR, Severity.WARNING, Severity.NOTE
@@ -71,7 +61,7 @@ class Subject:
         options: the controller.
     """
 
-    def __init__(self, modules: Sequence[KrlModule], options: LintOptions) -> None:
+    def __init__(self, modules: Sequence[krl.KrlModule], options: LintOptions) -> None:
         self.modules = tuple(modules)
         self.options = options
         self.findings: list[Finding] = []
@@ -108,7 +98,7 @@ class Subject:
                     NOTE, code, f"{count - _SHOWN} more findings of {code}", source=SourceRef(path)
                 )
 
-    def each(self, part: Part, check: Callable[[Statement], None]) -> None:
+    def each(self, part: Part, check: Callable[[krl.Statement], None]) -> None:
         """Check what is telling in a routine, statement by statement.
 
         A program says the same few things a thousand times: what a check has found in order once,
@@ -141,12 +131,12 @@ class Subject:
             found[id(part.module)] += (part,)
         return found
 
-    def parts_of(self, module: KrlModule) -> tuple[Part, ...]:
+    def parts_of(self, module: krl.KrlModule) -> tuple[Part, ...]:
         """Return the routines of a module."""
         return self._parts_of[id(module)]
 
     @cached_property
-    def data(self) -> dict[tuple[str, str], dict[str, Value]]:
+    def data(self) -> dict[tuple[str, str], dict[str, krl.Value]]:
         """Values of the data lists by name in upper case, by path and name of the module."""
         return {
             (module.dat_path, module.name): {
@@ -157,12 +147,12 @@ class Subject:
         }
 
     @cached_property
-    def global_data(self) -> dict[str, Value]:
+    def global_data(self) -> dict[str, krl.Value]:
         """Values that all modules see: GLOBAL ones, and those of modules without routines."""
-        found: dict[str, Value] = {}
+        found: dict[str, krl.Value] = {}
         for module in self.modules:
             for statement in module.data.statements if module.data is not None else ():
-                if isinstance(statement, Declaration) and (
+                if isinstance(statement, krl.Declaration) and (
                     statement.is_global or not module.routines
                 ):
                     for variable in statement.variables:
@@ -170,21 +160,21 @@ class Subject:
                             found[variable.name.upper()] = variable.value
         return found
 
-    def value(self, value: Value | None, module: KrlModule) -> Value | None:
+    def value(self, value: krl.Value | None, module: krl.KrlModule) -> krl.Value | None:
         """Return a value, or what the name stands for in the data lists; None if not known."""
-        if not isinstance(value, Expr):
+        if not isinstance(value, krl.Expr):
             return value
         name = value.text.upper()
         own = self.data[module.dat_path, module.name].get(name)
         return own if own is not None else self.global_data.get(name)
 
-    def point(self, value: Value | None, module: KrlModule) -> Pose | Axes | None:
+    def point(self, value: krl.Value | None, module: krl.KrlModule) -> krl.Pose | krl.Axes | None:
         """Return the pose or the joint angles that a target stands for; None if not known."""
         kind = type(value)
-        if kind is Pose or kind is Axes:
+        if kind is krl.Pose or kind is krl.Axes:
             return value  # type: ignore[return-value]
         found = self.value(value, module)
-        return found if isinstance(found, Pose | Axes) else None
+        return found if isinstance(found, krl.Pose | krl.Axes) else None
 
     @cached_property
     def written(self) -> tuple[Written, ...]:
@@ -196,19 +186,19 @@ class Subject:
         """All points that stand in the text."""
         return points_among(self.written)
 
-    def points_at(self, chosen: BoolArray) -> Iterator[tuple[str, int, Pose | Axes]]:
+    def points_at(self, chosen: BoolArray) -> Iterator[tuple[str, int, krl.Pose | krl.Axes]]:
         """Yield file, line and value of the chosen ``points`` (n,), in their order."""
         for place in self.points.place[chosen].tolist():
             path, line, value, _ = self.written[place]
-            if isinstance(value, Pose | Axes):
+            if isinstance(value, krl.Pose | krl.Axes):
                 yield path, line, value
 
     # -------------------------------------------------------------------------------------- calls
 
     @cached_property
-    def routines(self) -> dict[str, tuple[KrlModule, Routine]]:
+    def routines(self) -> dict[str, tuple[krl.KrlModule, krl.Routine]]:
         """Routines that any module can call: modules by name, GLOBAL routines."""
-        found: dict[str, tuple[KrlModule, Routine]] = {}
+        found: dict[str, tuple[krl.KrlModule, krl.Routine]] = {}
         for module in self.modules:
             for routine in module.routines:
                 if routine.is_global:
@@ -217,7 +207,7 @@ class Subject:
                 found[module.main.name.upper()] = (module, module.main)
         return found
 
-    def called(self, name: str, module: KrlModule) -> tuple[KrlModule, Routine] | None:
+    def called(self, name: str, module: krl.KrlModule) -> tuple[krl.KrlModule, krl.Routine] | None:
         """Return the routine that a call reaches, None if it is not here."""
         local = module.routine(name)
         return (module, local) if local is not None else self.routines.get(name.upper())
@@ -257,7 +247,7 @@ class Subject:
                 return frozenset(moving)
             moving |= more
 
-    def entries(self) -> Iterator[tuple[KrlModule, Routine]]:
+    def entries(self) -> Iterator[tuple[krl.KrlModule, krl.Routine]]:
         """Yield what an operator selects: modules that move and that no other module calls."""
         for module in self.modules:
             key = key_of(module, module.main) if module.routines else None
@@ -265,8 +255,8 @@ class Subject:
                 yield module, module.main
 
     def walk(
-        self, module: KrlModule, routine: Routine, *kinds: type[Statement]
-    ) -> Iterator[tuple[KrlModule, Statement]]:
+        self, module: krl.KrlModule, routine: krl.Routine, *kinds: type[krl.Statement]
+    ) -> Iterator[tuple[krl.KrlModule, krl.Statement]]:
         """Yield statements in the order of the text; what is called stands at its first call.
 
         Args:
@@ -279,10 +269,10 @@ class Subject:
         while stack:
             here, statements = stack[-1]
             for statement in statements:
-                if type(statement) is not Call:
+                if type(statement) is not krl.Call:
                     yield here, statement
                     continue
-                if not kinds or Call in kinds:
+                if not kinds or krl.Call in kinds:
                     yield here, statement
                 target = self.called(statement.name, here)
                 if target is not None and key_of(*target) not in seen:
@@ -293,19 +283,19 @@ class Subject:
                 stack.pop()
 
     def _walked(
-        self, module: KrlModule, routine: Routine, kinds: tuple[type[Statement], ...]
-    ) -> Iterator[Statement]:
+        self, module: krl.KrlModule, routine: krl.Routine, kinds: tuple[type[krl.Statement], ...]
+    ) -> Iterator[krl.Statement]:
         """Return the statements of a routine that a walk sees: of the kinds, and calls."""
         if not kinds:
             return iter(routine.statements)
         part = next(part for part in self.parts_of(module) if part.routine is routine)
-        return iter(part.of_kinds(*{*kinds, Call}))
+        return iter(part.of_kinds(*{*kinds, krl.Call}))
 
 
 Rule = Callable[[Subject], None]
 
 
-def files_of(module: KrlModule) -> Iterator[tuple[str, Sequence[Statement]]]:
+def files_of(module: krl.KrlModule) -> Iterator[tuple[str, Sequence[krl.Statement]]]:
     """Yield everything in a module: statements of a routine or a list, each with its file."""
     for routine in module.routines:
         yield module.src_path, routine.statements

@@ -9,25 +9,15 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray
-from postproc.krl.text import (
-    Assign,
-    Axes,
-    Call,
-    Declaration,
-    Move,
-    Pose,
-    Statement,
-    Value,
-    table_of,
-)
+from postproc.krl import text as krl
 from postproc.records import record
 
 PLAIN = frozenset({float, int, bool})
 """Kinds of plain numbers and truths."""
-_POINTS = frozenset({Pose, Axes})
+_POINTS = frozenset({krl.Pose, krl.Axes})
 
 
-Written: TypeAlias = tuple[str, int, Value, str]
+Written: TypeAlias = tuple[str, int, krl.Value, str]
 """File, line, value and the type that it must have, empty where any will do."""
 
 
@@ -49,22 +39,24 @@ def points_among(written: Sequence[Written]) -> Points:
     place = [row for row, item in enumerate(written) if type(item[2]) in _POINTS]
     points: list[Any] = [written[row][2] for row in place]
     more = [
-        bool(p.external) or (type(p) is Pose and (p.status is not None or p.turn is not None))
+        bool(p.external) or (type(p) is krl.Pose and (p.status is not None or p.turn is not None))
         for p in points
     ]
-    return Points(np.array(place, dtype=np.int64), table_of(points), np.array(more, dtype=np.bool_))
+    return Points(
+        np.array(place, dtype=np.int64), krl.table_of(points), np.array(more, dtype=np.bool_)
+    )
 
 
-def written_in(files: Iterable[tuple[str, Iterable[Statement]]]) -> list[Written]:
+def written_in(files: Iterable[tuple[str, Iterable[krl.Statement]]]) -> list[Written]:
     """Return the values of statements, each with its file, but plain numbers of assignments."""
     found: list[Written] = []
     for path, statements in files:
         for statement in statements:
-            if type(statement) is Move:
+            if type(statement) is krl.Move:
                 found.append((path, statement.line, statement.target, "?"))
                 if statement.auxiliary is not None or statement.settings:
                     found += _beside_target(path, statement)
-            elif type(statement) is Assign:
+            elif type(statement) is krl.Assign:
                 value = statement.value
                 if type(value) not in PLAIN:
                     found.append((path, statement.line, value, type_of(statement.target)))
@@ -73,20 +65,20 @@ def written_in(files: Iterable[tuple[str, Iterable[Statement]]]) -> list[Written
     return found
 
 
-def _beside_target(path: str, move: Move) -> Iterator[Written]:
+def _beside_target(path: str, move: krl.Move) -> Iterator[Written]:
     if move.auxiliary is not None:
         yield path, move.line, move.auxiliary, "FRAME"
     for setting in move.settings:
         yield path, move.line, setting.value, ""
 
 
-def _given(path: str, statement: Statement) -> Iterable[Written]:
+def _given(path: str, statement: krl.Statement) -> Iterable[Written]:
     """Return what a declaration or a call gives."""
     line = statement.line
-    if type(statement) is Declaration:
+    if type(statement) is krl.Declaration:
         name = statement.type_name.upper()
         return [(path, line, v.value, name) for v in statement.variables if v.value is not None]
-    if type(statement) is Call:
+    if type(statement) is krl.Call:
         return [(path, line, value, "") for value in statement.arguments if value is not None]
     return ()
 

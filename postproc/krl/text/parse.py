@@ -18,20 +18,9 @@ from pathlib import Path, PurePath
 
 from postproc.errors import Finding, KrlError, ReadError, Severity, SourceRef
 from postproc.files import read_bytes
+from postproc.krl.text import program as krl
 from postproc.krl.text.lexer import KrlSyntaxError, split_comment
 from postproc.krl.text.motion_statements import plain_move
-from postproc.krl.text.program import (
-    Blank,
-    Comment,
-    DataList,
-    FoldBegin,
-    FoldEnd,
-    KrlModule,
-    Parameter,
-    Raw,
-    Routine,
-    Statement,
-)
 from postproc.krl.text.source import TextFacts, check_size, decode
 from postproc.krl.text.statements import parse_statement
 from postproc.records import dataclass
@@ -62,8 +51,8 @@ class _Part:
     path: str
     facts: TextFacts
     attributes: list[str] = field(default_factory=list)
-    before: list[Statement] = field(default_factory=list)
-    blocks: list[Routine | DataList] = field(default_factory=list)
+    before: list[krl.Statement] = field(default_factory=list)
+    blocks: list[krl.Routine | krl.DataList] = field(default_factory=list)
     problems: list[Finding] = field(default_factory=list)
 
     def problem(self, line: int, text: str, message: str, code: str = "KRL004") -> None:
@@ -76,7 +65,7 @@ class _Part:
 # ------------------------------------------------------------------------------ public entrances
 
 
-def parse_files(files: Mapping[str, bytes]) -> tuple[KrlModule, ...]:
+def parse_files(files: Mapping[str, bytes]) -> tuple[krl.KrlModule, ...]:
     """Read the files of one or more modules.
 
     Args:
@@ -104,7 +93,7 @@ def parse_files(files: Mapping[str, bytes]) -> tuple[KrlModule, ...]:
     return tuple(modules)
 
 
-def parse_module(path: str | Path) -> KrlModule:
+def parse_module(path: str | Path) -> krl.KrlModule:
     """Read a module from disk: the file and its partner (.src or .dat) beside it.
 
     Raises:
@@ -116,7 +105,7 @@ def parse_module(path: str | Path) -> KrlModule:
 
 def load_modules(
     paths: Sequence[str | Path], bad: list[Finding] | None = None
-) -> tuple[KrlModule, ...]:
+) -> tuple[krl.KrlModule, ...]:
     """Read modules from files (each with its partner) and folders (all modules within).
 
     Args:
@@ -144,7 +133,7 @@ def load_modules(
     return parse_files(good)
 
 
-def require_sound(modules: Sequence[KrlModule]) -> None:
+def require_sound(modules: Sequence[krl.KrlModule]) -> None:
     """Refuse modules that a controller could not even load.
 
     Raises:
@@ -154,12 +143,12 @@ def require_sound(modules: Sequence[KrlModule]) -> None:
         if module.problems:
             first = module.problems[0]
             raise KrlError(first.code, first.message, first.source)
-        blocks: list[Routine | DataList] = [*module.routines]
+        blocks: list[krl.Routine | krl.DataList] = [*module.routines]
         if module.data is not None:
             blocks.append(module.data)
         for block in blocks:
             if not block.is_closed:
-                path = module.dat_path if isinstance(block, DataList) else module.src_path
+                path = module.dat_path if isinstance(block, krl.DataList) else module.src_path
                 raise KrlError(
                     "KRL006",
                     f"{block.name} has no end, expected END or ENDDAT: the file is cut off",
@@ -210,12 +199,12 @@ def _content(path: str) -> bytes:
 # --------------------------------------------------------------------------------------- modules
 
 
-def _module(src: _Part | None, dat: _Part | None) -> KrlModule:
-    routines = tuple(b for b in src.blocks if isinstance(b, Routine)) if src else ()
-    lists = [b for b in dat.blocks if isinstance(b, DataList)] if dat else []
+def _module(src: _Part | None, dat: _Part | None) -> krl.KrlModule:
+    routines = tuple(b for b in src.blocks if isinstance(b, krl.Routine)) if src else ()
+    lists = [b for b in dat.blocks if isinstance(b, krl.DataList)] if dat else []
     problems = (src.problems if src else []) + (dat.problems if dat else [])
     path = src.path if src else dat.path if dat else ""
-    return KrlModule(
+    return krl.KrlModule(
         name=PurePath(path).stem,
         routines=routines,
         data=lists[0] if lists else None,
@@ -233,10 +222,10 @@ def _read(data: bytes, path: str) -> _Part:
     lines, facts = decode(data, path)
     part = _Part(path, facts)
     _Reader(part).run(lines)
-    wanted = DataList if path.lower().endswith(".dat") else Routine
+    wanted = krl.DataList if path.lower().endswith(".dat") else krl.Routine
     if not any(isinstance(block, wanted) for block in part.blocks):
         first = part.problems[0].source if part.problems else None
-        what = "DEFDAT" if wanted is DataList else "DEF"
+        what = "DEFDAT" if wanted is krl.DataList else "DEF"
         raise KrlError(
             "KRL005",
             f"no {what} line in the file, expected a KRL module",
@@ -251,9 +240,9 @@ class _Reader:
     def __init__(self, part: _Part) -> None:
         self.part = part
         self.head: dict[str, object] | None = None
-        self.kind: type[Routine] | type[DataList] = Routine
-        self.body: list[Statement] = []
-        self.loose: list[Statement] = []
+        self.kind: type[krl.Routine] | type[krl.DataList] = krl.Routine
+        self.body: list[krl.Statement] = []
+        self.loose: list[krl.Statement] = []
         """Comments and empty lines outside of routines."""
 
     def run(self, lines: list[str]) -> None:
@@ -265,7 +254,7 @@ class _Reader:
                     continue
             text = raw.strip()
             if not text:
-                self._put(Blank(line=number))
+                self._put(krl.Blank(line=number))
             elif text[0] == ";":
                 self._put(_comment(raw.lstrip(), number))
             elif text[0] == "&":
@@ -276,7 +265,7 @@ class _Reader:
             self._close(len(lines), is_closed=False, comment="")
         self._flush_loose()
 
-    def _put(self, statement: Statement) -> None:
+    def _put(self, statement: krl.Statement) -> None:
         (self.loose if self.head is None else self.body).append(statement)
 
     def _attribute(self, text: str, number: int) -> None:
@@ -300,7 +289,7 @@ class _Reader:
                 self.body.append(parse_statement(code, comment, number))
             except KrlSyntaxError as fault:
                 self.part.problem(number, text, str(fault))
-                self.body.append(Raw(text=code, comment=comment, line=number))
+                self.body.append(krl.Raw(text=code, comment=comment, line=number))
 
     def _open(self, code: str, comment: str, number: int) -> None:
         if self.head is not None:
@@ -308,10 +297,10 @@ class _Reader:
         self._flush_loose()
         routine, data = _DEF.match(code), _DEFDAT.match(code)
         if data:
-            self.kind = DataList
+            self.kind = krl.DataList
             self.head = {"name": data.group(1), "is_public": bool(data.group(2))}
         else:
-            self.kind = Routine
+            self.kind = krl.Routine
             self.head = self._routine_head(routine, code, number)
         self.head |= {"comment": comment, "line": number}
 
@@ -331,7 +320,7 @@ class _Reader:
         head["parameters"] = self._parameters(match.group(4), code, number)
         return head
 
-    def _parameters(self, text: str, code: str, number: int) -> tuple[Parameter, ...]:
+    def _parameters(self, text: str, code: str, number: int) -> tuple[krl.Parameter, ...]:
         found = []
         for item in _BETWEEN_PARAMETERS.split(text) if text.strip() else ():
             match = _PARAMETER.match(item.strip())
@@ -340,7 +329,7 @@ class _Reader:
                 continue
             dimension = match.group(2)
             found.append(
-                Parameter(
+                krl.Parameter(
                     match.group(1),
                     (match.group(3) or "").upper(),
                     dimension[1:-1].strip() if dimension is not None else None,
@@ -352,7 +341,7 @@ class _Reader:
         if self.head is None:
             self.part.problem(number, word, f"{word} without a routine before it")
             return
-        right = {"END"} if self.kind is Routine else {"ENDDAT"}
+        right = {"END"} if self.kind is krl.Routine else {"ENDDAT"}
         if self.head.get("result_type"):
             right = {"ENDFCT"}
         if word not in right:
@@ -363,7 +352,7 @@ class _Reader:
         assert self.head is not None  # noqa: S101 - callers have asked
         self.head |= {"is_closed": is_closed, "end_line": number}
         statements = tuple(self.body)
-        if self.kind is DataList:
+        if self.kind is krl.DataList:
             self.head |= {
                 "attributes": tuple(self.part.attributes),
                 "before": tuple(self.part.before),
@@ -375,17 +364,17 @@ class _Reader:
         """Give comments between routines to the routine before, those in front to the file."""
         if self.part.blocks and self.loose:
             last = self.part.blocks[-1]
-            if isinstance(last, Routine):
+            if isinstance(last, krl.Routine):
                 self.part.blocks[-1] = replace(last, after=tuple(self.loose))
         elif self.loose:
             self.part.before += self.loose
         self.loose = []
 
 
-def _comment(text: str, number: int) -> Statement:
+def _comment(text: str, number: int) -> krl.Statement:
     upper = text[:9].upper()
     if upper.startswith(";FOLD") and text[5:6] in ("", " ", "\t"):
-        return FoldBegin(text=text[6:], line=number)
+        return krl.FoldBegin(text=text[6:], line=number)
     if upper.startswith(";ENDFOLD"):
-        return FoldEnd(text=text[8:].strip(), line=number)
-    return Comment(text=text[1:], line=number)
+        return krl.FoldEnd(text=text[8:].strip(), line=number)
+    return krl.Comment(text=text[1:], line=number)

@@ -11,40 +11,7 @@ from typing import Any
 
 from postproc.errors import KrlError, SourceRef
 from postproc.krl.text import numbers
-from postproc.krl.text.program import (
-    Aggregate,
-    Assign,
-    Axes,
-    Blank,
-    Call,
-    Comment,
-    Continue,
-    Control,
-    DataList,
-    Declaration,
-    Enum,
-    Expr,
-    External,
-    FoldBegin,
-    FoldEnd,
-    Halt,
-    Interrupt,
-    KrlModule,
-    Move,
-    Parameter,
-    Pose,
-    Raw,
-    Routine,
-    SplineBegin,
-    SplineEnd,
-    Statement,
-    Text,
-    Trigger,
-    Value,
-    Variable,
-    WaitFor,
-    WaitSec,
-)
+from postproc.krl.text import program as krl
 
 INDENT = "  "
 _OPENING = frozenset({"IF", "FOR", "LOOP", "WHILE", "REPEAT", "SWITCH"})
@@ -59,7 +26,7 @@ _POSE = ("X", "Y", "Z", "A", "B", "C", "S", "T")
 _AXES = ("A1", "A2", "A3", "A4", "A5", "A6")
 
 
-def render(module: KrlModule) -> tuple[bytes, bytes]:
+def render(module: krl.KrlModule) -> tuple[bytes, bytes]:
     """Return the bytes of the .src and of the .dat file; the latter are empty without a data list.
 
     Raises:
@@ -74,7 +41,7 @@ def render(module: KrlModule) -> tuple[bytes, bytes]:
     return _encode(lines, f"{module.name}.src"), data
 
 
-def render_statement(statement: Statement) -> str:
+def render_statement(statement: krl.Statement) -> str:
     """Return one statement as its line, without indentation and line end."""
     text = _TEXT[type(statement)](statement)
     return f"{text} ;{statement.comment}" if statement.comment else text
@@ -98,7 +65,7 @@ def _encode(lines: list[str], name: str) -> bytes:
 # ------------------------------------------------------------------------------------- modules
 
 
-def _routine(routine: Routine) -> list[str]:
+def _routine(routine: krl.Routine) -> list[str]:
     word = "DEF" if routine.result_type is None else f"DEFFCT {routine.result_type}"
     parameters = ",".join(_parameter(item) for item in routine.parameters)
     head = f"{'GLOBAL ' if routine.is_global else ''}{word} {routine.name}({parameters or ' '})"
@@ -108,12 +75,12 @@ def _routine(routine: Routine) -> list[str]:
     return lines + _lines(routine.after)
 
 
-def _parameter(parameter: Parameter) -> str:
+def _parameter(parameter: krl.Parameter) -> str:
     dimension = "" if parameter.dimension is None else f"[{parameter.dimension}]"
     return f"{parameter.name}{dimension}{':' if parameter.mode else ''}{parameter.mode}"
 
 
-def _data(data: DataList) -> list[str]:
+def _data(data: krl.DataList) -> list[str]:
     lines = [f"&{attribute}" for attribute in data.attributes]
     lines += _lines(data.before)
     head = f"DEFDAT {data.name}{' PUBLIC' if data.is_public else ''}"
@@ -122,7 +89,7 @@ def _data(data: DataList) -> list[str]:
     return [*lines, "ENDDAT"] if data.is_closed else lines
 
 
-def _lines(statements: Iterable[Statement]) -> list[str]:
+def _lines(statements: Iterable[krl.Statement]) -> list[str]:
     """Return the lines of statements, indented by the blocks they stand in."""
     lines: list[str] = []
     append, dispatch = lines.append, _TEXT
@@ -142,16 +109,16 @@ def _lines(statements: Iterable[Statement]) -> list[str]:
     return lines
 
 
-_BLOCKS = frozenset({Control, SplineBegin, SplineEnd})
+_BLOCKS = frozenset({krl.Control, krl.SplineBegin, krl.SplineEnd})
 
 
-def _steps(statement: Statement) -> tuple[int, int]:
+def _steps(statement: krl.Statement) -> tuple[int, int]:
     """Return how the indentation changes before and after a line that opens or closes a block."""
-    if isinstance(statement, SplineBegin):
+    if isinstance(statement, krl.SplineBegin):
         return 0, 1
-    if isinstance(statement, SplineEnd):
+    if isinstance(statement, krl.SplineEnd):
         return -1, 0
-    word = statement.word if isinstance(statement, Control) else ""
+    word = statement.word if isinstance(statement, krl.Control) else ""
     if word in _OPENING:
         return 0, 1
     if word in _CLOSING:
@@ -166,7 +133,7 @@ def _with_comment(text: str, comment: str) -> str:
 # -------------------------------------------------------------------------------------- values
 
 
-def value_text(value: Value, digits: int = numbers.PLAIN_DIGITS) -> str:
+def value_text(value: krl.Value, digits: int = numbers.PLAIN_DIGITS) -> str:
     """Return a value as text; ``digits``: decimals of a REAL that nothing else says."""
     kind = type(value)
     if kind is float:
@@ -174,7 +141,7 @@ def value_text(value: Value, digits: int = numbers.PLAIN_DIGITS) -> str:
     return _VALUE[kind](value)
 
 
-def _pose(pose: Pose) -> str:
+def _pose(pose: krl.Pose) -> str:
     x, y, z, a, b, c = pose.x_mm, pose.y_mm, pose.z_mm, pose.a_deg, pose.b_deg, pose.c_deg
     try:
         total = abs(x) + abs(y) + abs(z) + abs(a) + abs(b) + abs(c)  # type: ignore[arg-type]
@@ -191,7 +158,7 @@ def _pose(pose: Pose) -> str:
     return f"{text}{_external(pose.external)}}}"
 
 
-def _partial(pose: Pose) -> str:
+def _partial(pose: krl.Pose) -> str:
     values = (pose.x_mm, pose.y_mm, pose.z_mm, pose.a_deg, pose.b_deg, pose.c_deg)
     parts = [
         f"{name} {_component(name, value)}"
@@ -201,7 +168,7 @@ def _partial(pose: Pose) -> str:
     return _braces(parts, pose.external, pose.type_name)
 
 
-def _axes(axes: Axes) -> str:
+def _axes(axes: krl.Axes) -> str:
     a1, a2, a3, a4, a5, a6 = axes.angles_deg
     try:
         total = abs(a1) + abs(a2) + abs(a3) + abs(a4) + abs(a5) + abs(a6)  # type: ignore[arg-type]
@@ -214,7 +181,7 @@ def _axes(axes: Axes) -> str:
     return f"{{{head}{text}{_external(axes.external)}}}"
 
 
-def _some_axes(axes: Axes) -> str:
+def _some_axes(axes: krl.Axes) -> str:
     parts = [
         f"{name} {numbers.real(value, numbers.ANGLE_DIGITS)}"
         for name, value in zip(_AXES, axes.angles_deg, strict=True)
@@ -238,7 +205,7 @@ def _external(values: tuple[float, ...]) -> str:
     )
 
 
-def _component(name: str, value: Value) -> str:
+def _component(name: str, value: krl.Value) -> str:
     """Return the value of a structure component, digits by the component's name."""
     if type(value) is not float:
         return value_text(value)
@@ -250,12 +217,12 @@ def _component(name: str, value: Value) -> str:
     return numbers.significant(value) if is_speed else numbers.real(value, numbers.PLAIN_DIGITS)
 
 
-def _aggregate(value: Aggregate) -> str:
+def _aggregate(value: krl.Aggregate) -> str:
     parts = [f"{name} {_component(name.upper(), part)}" for name, part in value.fields]
     return _braces(parts, (), value.type_name)
 
 
-def _quoted(value: Text) -> str:
+def _quoted(value: krl.Text) -> str:
     if '"' in value.value:
         raise KrlError("KRL912", f"a string with a quote inside: {value.value[:80]!r}")
     return f'"{value.value}"'
@@ -264,12 +231,12 @@ def _quoted(value: Text) -> str:
 _VALUE: dict[type, Callable[[Any], str]] = {
     int: str,
     bool: lambda value: "TRUE" if value else "FALSE",
-    Text: _quoted,
-    Enum: lambda value: f"#{value.name}",
-    Expr: lambda value: _plain(value.text),
-    Pose: _pose,
-    Axes: _axes,
-    Aggregate: _aggregate,
+    krl.Text: _quoted,
+    krl.Enum: lambda value: f"#{value.name}",
+    krl.Expr: lambda value: _plain(value.text),
+    krl.Pose: _pose,
+    krl.Axes: _axes,
+    krl.Aggregate: _aggregate,
 }
 
 
@@ -287,12 +254,12 @@ def _outside_quotes(text: str) -> str:
 # ---------------------------------------------------------------------------------- statements
 
 
-def _move(move: Move) -> str:
+def _move(move: krl.Move) -> str:
     target = move.target
     text = move.word + " "
     if move.auxiliary is not None:
         text += f"{value_text(move.auxiliary)},"
-    text += _pose(target) if type(target) is Pose else value_text(target)
+    text += _pose(target) if type(target) is krl.Pose else value_text(target)
     if move.angle_deg is not None:
         text += f",CA {value_text(move.angle_deg, numbers.ANGLE_DIGITS)}"
     if move.settings:
@@ -302,28 +269,28 @@ def _move(move: Move) -> str:
     return f"{text} #{move.frame}" if move.frame else text
 
 
-def _settings(settings: tuple[Assign, ...]) -> str:
+def _settings(settings: tuple[krl.Assign, ...]) -> str:
     return " WITH " + ",".join(_assign(item) for item in settings)
 
 
-def _assign(statement: Assign) -> str:
+def _assign(statement: krl.Assign) -> str:
     value = statement.value
     if type(value) is float and statement.target in _SPEEDS:
         return f"{statement.target}={numbers.significant(value)}"
     return f"{_plain(statement.target)}={value_text(value)}"
 
 
-def _call(statement: Call) -> str:
+def _call(statement: krl.Call) -> str:
     arguments = ",".join("" if a is None else _argument(a) for a in statement.arguments)
     return f"{_plain(statement.name)}({arguments})"
 
 
-def _argument(value: Value) -> str:
+def _argument(value: krl.Value) -> str:
     """Return an argument; speeds are passed to BAS, so a REAL gets the digits of a speed."""
     return numbers.significant(value) if type(value) is float else value_text(value)
 
 
-def _trigger(statement: Trigger) -> str:
+def _trigger(statement: krl.Trigger) -> str:
     start = " ONSTART" if statement.on_start else ""
     priority = "" if statement.priority is None else f" PRIO={value_text(statement.priority)}"
     return (
@@ -332,7 +299,7 @@ def _trigger(statement: Trigger) -> str:
     )
 
 
-def _interrupt(statement: Interrupt) -> str:
+def _interrupt(statement: krl.Interrupt) -> str:
     words = ["GLOBAL INTERRUPT" if statement.is_global else "INTERRUPT", statement.word]
     if statement.number is not None:
         words.append(value_text(statement.number))
@@ -343,17 +310,17 @@ def _interrupt(statement: Interrupt) -> str:
     return " ".join(words)
 
 
-def _inner(statement: Statement) -> str:
+def _inner(statement: krl.Statement) -> str:
     return _TEXT[type(statement)](statement)
 
 
-def _control(statement: Control) -> str:
+def _control(statement: krl.Control) -> str:
     if statement.word == "LABEL":
         return f"{_plain(statement.text)}:"
     return f"{statement.word} {_plain(statement.text)}" if statement.text else statement.word
 
 
-def _declaration(statement: Declaration) -> str:
+def _declaration(statement: krl.Declaration) -> str:
     words = [
         word
         for word, present in (
@@ -367,36 +334,36 @@ def _declaration(statement: Declaration) -> str:
     return " ".join([*words, statement.type_name, variables])
 
 
-def _variable(variable: Variable) -> str:
+def _variable(variable: krl.Variable) -> str:
     dimension = "" if variable.dimension is None else f"[{variable.dimension}]"
     value = "" if variable.value is None else f"={value_text(variable.value)}"
     return f"{variable.name}{dimension}{value}"
 
 
-def _comment(statement: Comment) -> str:
+def _comment(statement: krl.Comment) -> str:
     if statement.text.lstrip().upper().startswith(("FOLD", "ENDFOLD")):
         raise KrlError("KRL912", f"a comment that reads as a fold: {statement.text[:80]!r}")
     return f";{statement.text}"
 
 
 _TEXT: dict[type, Callable[[Any], str]] = {
-    Move: _move,
-    SplineBegin: lambda s: s.word + (_settings(s.settings) if s.settings else ""),
-    SplineEnd: lambda s: " ".join(("ENDSPLINE", *s.blend)),
-    Assign: _assign,
-    Call: _call,
-    WaitSec: lambda s: f"WAIT SEC {value_text(s.seconds, numbers.SECOND_DIGITS)}",
-    WaitFor: lambda s: f"WAIT FOR {_plain(s.condition)}",
-    Halt: lambda _: "HALT",
-    Continue: lambda _: "CONTINUE",
-    Trigger: _trigger,
-    Interrupt: _interrupt,
-    Control: _control,
-    Declaration: _declaration,
-    External: lambda s: f"{s.word} {_plain(s.text)}",
-    FoldBegin: lambda s: f";FOLD {s.text}".rstrip(),
-    FoldEnd: lambda s: f";ENDFOLD {s.text}".rstrip(),
-    Comment: _comment,
-    Blank: lambda _: "",
-    Raw: lambda s: _plain(s.text),
+    krl.Move: _move,
+    krl.SplineBegin: lambda s: s.word + (_settings(s.settings) if s.settings else ""),
+    krl.SplineEnd: lambda s: " ".join(("ENDSPLINE", *s.blend)),
+    krl.Assign: _assign,
+    krl.Call: _call,
+    krl.WaitSec: lambda s: f"WAIT SEC {value_text(s.seconds, numbers.SECOND_DIGITS)}",
+    krl.WaitFor: lambda s: f"WAIT FOR {_plain(s.condition)}",
+    krl.Halt: lambda _: "HALT",
+    krl.Continue: lambda _: "CONTINUE",
+    krl.Trigger: _trigger,
+    krl.Interrupt: _interrupt,
+    krl.Control: _control,
+    krl.Declaration: _declaration,
+    krl.External: lambda s: f"{s.word} {_plain(s.text)}",
+    krl.FoldBegin: lambda s: f";FOLD {s.text}".rstrip(),
+    krl.FoldEnd: lambda s: f";ENDFOLD {s.text}".rstrip(),
+    krl.Comment: _comment,
+    krl.Blank: lambda _: "",
+    krl.Raw: lambda s: _plain(s.text),
 }

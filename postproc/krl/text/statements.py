@@ -6,29 +6,11 @@ import re
 from collections.abc import Callable
 from functools import lru_cache
 
+from postproc.krl.text import program as krl
 from postproc.krl.text.expression import ExpressionParser
 from postproc.krl.text.lexer import KrlSyntaxError, TokenKind
 from postproc.krl.text.literals import quick_literal
 from postproc.krl.text.motion_statements import BLENDS, MOVES, end_spline, move, spline, written
-from postproc.krl.text.program import (
-    Assign,
-    Call,
-    Continue,
-    Control,
-    Declaration,
-    Expr,
-    External,
-    Halt,
-    Interrupt,
-    Move,
-    Raw,
-    Statement,
-    Trigger,
-    Value,
-    Variable,
-    WaitFor,
-    WaitSec,
-)
 
 BASIC_TYPES = frozenset({"INT", "REAL", "BOOL", "CHAR", "FRAME", "POS", "E6POS", "AXIS", "E6AXIS"})
 _KEPT = """
@@ -49,7 +31,7 @@ _NAME = re.compile(r"[$A-Za-z_][$\w]*", re.ASCII)
 _LABEL = re.compile(r"([A-Za-z_]\w*)\s*:$", re.ASCII)
 
 
-def parse_statement(code: str, comment: str, line: int) -> Statement:
+def parse_statement(code: str, comment: str, line: int) -> krl.Statement:
     """Return the statement of a line of code (not empty, no indentation, comment cut off).
 
     Raises:
@@ -63,37 +45,37 @@ def parse_statement(code: str, comment: str, line: int) -> Statement:
         if target is not None:
             blend = (match.group(4).upper(),) if match.group(4) else ()
             word = MOVES[match.group(1).upper()]
-            return Move(word=word, target=target, blend=blend, comment=comment, line=line)
+            return krl.Move(word=word, target=target, blend=blend, comment=comment, line=line)
     match = _DECLARE_FAST.match(code)
     if match:
         literal = quick_literal(match.group(3))
         if literal is not None:
-            variable = Variable(match.group(2), None, literal)
-            return Declaration(
+            variable = krl.Variable(match.group(2), None, literal)
+            return krl.Declaration(
                 type_name=match.group(1), variables=(variable,), comment=comment, line=line
             )
     return _parse(code, comment, line)
 
 
-def _fast_target(name: str | None, literal: str | None) -> Value | None:
+def _fast_target(name: str | None, literal: str | None) -> krl.Value | None:
     if name is None:
         return quick_literal(literal or "{}")
-    return None if name.upper() in BLENDS else Expr(name)
+    return None if name.upper() in BLENDS else krl.Expr(name)
 
 
-def _parse(code: str, comment: str, line: int) -> Statement:
+def _parse(code: str, comment: str, line: int) -> krl.Statement:
     found = _NAME.match(code)
     word = found.group().upper() if found else ""
     handler = _HANDLERS.get(word)
     if handler is not None and not _is_assignment(code, word):
         return handler(code, comment, line)
     if word in KNOWN_RAW and not _is_assignment(code, word):
-        return Raw(text=code, comment=comment, line=line)
+        return krl.Raw(text=code, comment=comment, line=line)
     if not word:
         raise KrlSyntaxError(f"{code[:40]!r} is no KRL statement")
     label = _LABEL.match(code)
     if label:
-        return Control(word="LABEL", text=label.group(1), comment=comment, line=line)
+        return krl.Control(word="LABEL", text=label.group(1), comment=comment, line=line)
     return _assignment_call_or_declaration(code, comment, line)
 
 
@@ -105,18 +87,20 @@ def _is_assignment(code: str, word: str) -> bool:
 # -------------------------------------------------------------------- assignments, calls, DECL
 
 
-def _assignment_call_or_declaration(code: str, comment: str, line: int) -> Statement:
+def _assignment_call_or_declaration(code: str, comment: str, line: int) -> krl.Statement:
     found = _assignment_or_call(code)
     if found is None:
         return _declaration(code, comment, line)
     name, arguments, value = found
     if arguments is not None:
-        return Call(name=name, arguments=arguments, comment=comment, line=line)
-    return Assign(target=name, value=value, comment=comment, line=line)
+        return krl.Call(name=name, arguments=arguments, comment=comment, line=line)
+    return krl.Assign(target=name, value=value, comment=comment, line=line)
 
 
 @lru_cache(maxsize=4096)
-def _assignment_or_call(code: str) -> tuple[str, tuple[Value | None, ...] | None, Value] | None:
+def _assignment_or_call(
+    code: str,
+) -> tuple[str, tuple[krl.Value | None, ...] | None, krl.Value] | None:
     """Return name, arguments of a call (None: none), value of an assignment; None: neither.
 
     Programs repeat such lines a thousand times.
@@ -148,8 +132,8 @@ def _bare_word(word: str) -> str:
     return f"{word!r} alone is no statement; a call needs brackets"
 
 
-def _arguments(parser: ExpressionParser) -> tuple[Value | None, ...]:
-    nodes: list[Value | None] = []
+def _arguments(parser: ExpressionParser) -> tuple[krl.Value | None, ...]:
+    nodes: list[krl.Value | None] = []
     parser.expect("(")
     while True:
         nodes.append(None if parser.token.text in (",", ")") else parser.value())
@@ -159,7 +143,7 @@ def _arguments(parser: ExpressionParser) -> tuple[Value | None, ...]:
     return () if nodes == [None] else tuple(nodes)
 
 
-def _declaration(code: str, comment: str, line: int) -> Statement:
+def _declaration(code: str, comment: str, line: int) -> krl.Statement:
     parser = ExpressionParser(code)
     flags = set()
     while parser.word() in ("DECL", "GLOBAL", "CONST"):
@@ -168,12 +152,12 @@ def _declaration(code: str, comment: str, line: int) -> Statement:
     if type_name.kind is not TokenKind.NAME:
         raise KrlSyntaxError("a declaration needs a type")
     if type_name.text.upper() in ("STRUC", "ENUM", "SIGNAL"):
-        return Raw(text=code, comment=comment, line=line)
+        return krl.Raw(text=code, comment=comment, line=line)
     variables = [_variable(parser)]
     while parser.accept(","):
         variables.append(_variable(parser))
     parser.finish()
-    return Declaration(
+    return krl.Declaration(
         type_name=type_name.text,
         variables=tuple(variables),
         is_global="GLOBAL" in flags,
@@ -184,7 +168,7 @@ def _declaration(code: str, comment: str, line: int) -> Statement:
     )
 
 
-def _variable(parser: ExpressionParser) -> Variable:
+def _variable(parser: ExpressionParser) -> krl.Variable:
     name = parser.take()
     if name.kind is not TokenKind.NAME:
         raise KrlSyntaxError(f"expected a name to declare, found {name.text!r}")
@@ -197,10 +181,10 @@ def _variable(parser: ExpressionParser) -> Variable:
         parser.expect("]")
         # FDAT's POINT2[] and array elements with a value: NAME[2]={...}
     value = parser.value() if parser.accept("=") else None
-    return Variable(name.text, dimension, value)
+    return krl.Variable(name.text, dimension, value)
 
 
-def _prefixed(code: str, comment: str, line: int) -> Statement:
+def _prefixed(code: str, comment: str, line: int) -> krl.Statement:
     """GLOBAL and DECL stand before declarations, GLOBAL also before an interrupt."""
     words = code.upper().split(None, 2)
     if words[:2] == ["GLOBAL", "INTERRUPT"]:
@@ -211,7 +195,7 @@ def _prefixed(code: str, comment: str, line: int) -> Statement:
 # ------------------------------------------------------------------------------ waits, triggers
 
 
-def _wait(code: str, comment: str, line: int) -> Statement:
+def _wait(code: str, comment: str, line: int) -> krl.Statement:
     parser = ExpressionParser(code)
     parser.take()
     word = parser.word()
@@ -219,23 +203,23 @@ def _wait(code: str, comment: str, line: int) -> Statement:
         parser.take()
         seconds = parser.value()
         parser.finish()
-        return WaitSec(seconds=seconds, comment=comment, line=line)
+        return krl.WaitSec(seconds=seconds, comment=comment, line=line)
     if word != "FOR":
         raise KrlSyntaxError("WAIT needs SEC or FOR")
     start = parser.take().end
     parser.expression()
     parser.finish()
-    return WaitFor(condition=code[start:].strip(), comment=comment, line=line)
+    return krl.WaitFor(condition=code[start:].strip(), comment=comment, line=line)
 
 
-def _halt(code: str, comment: str, line: int) -> Statement:
+def _halt(code: str, comment: str, line: int) -> krl.Statement:
     _alone(code)
-    return Halt(comment=comment, line=line)
+    return krl.Halt(comment=comment, line=line)
 
 
-def _continue(code: str, comment: str, line: int) -> Statement:
+def _continue(code: str, comment: str, line: int) -> krl.Statement:
     _alone(code)
-    return Continue(comment=comment, line=line)
+    return krl.Continue(comment=comment, line=line)
 
 
 def _alone(code: str) -> None:
@@ -244,7 +228,7 @@ def _alone(code: str) -> None:
     parser.finish()
 
 
-def _trigger(code: str, comment: str, line: int) -> Statement:
+def _trigger(code: str, comment: str, line: int) -> krl.Statement:
     parser = ExpressionParser(code)
     parser.take()
     parser.expect("WHEN")
@@ -264,12 +248,12 @@ def _trigger(code: str, comment: str, line: int) -> Statement:
     while parser.token.kind is not TokenKind.END and not _at_priority(parser):
         parser.take()
     action = parse_statement(code[start : parser.token.start].strip() or "?", "", line)
-    priority: Value | None = None
+    priority: krl.Value | None = None
     if parser.accept("PRIO"):
         parser.expect("=")
         priority = parser.value()
     parser.finish()
-    return Trigger(
+    return krl.Trigger(
         word=word,
         where=where,
         delay_ms=delay,
@@ -285,7 +269,7 @@ def _at_priority(parser: ExpressionParser) -> bool:
     return parser.word() == "PRIO" and parser.tokens[parser.at + 1].text == "="
 
 
-def _interrupt(code: str, comment: str, line: int) -> Statement:
+def _interrupt(code: str, comment: str, line: int) -> krl.Statement:
     parser = ExpressionParser(code)
     is_global = parser.accept("GLOBAL")
     parser.expect("INTERRUPT")
@@ -299,7 +283,7 @@ def _interrupt(code: str, comment: str, line: int) -> Statement:
         condition = code[start : parser.token.start].strip()
         parser.expect("DO")
         action = parse_statement(code[parser.token.start :].strip() or "?", "", line)
-        return Interrupt(
+        return krl.Interrupt(
             word=word,
             number=priority,
             condition=condition,
@@ -313,18 +297,18 @@ def _interrupt(code: str, comment: str, line: int) -> Statement:
     parser.take()
     value = None if parser.token.kind is TokenKind.END else parser.value()
     parser.finish()
-    return Interrupt(word=word, number=value, comment=comment, line=line)
+    return krl.Interrupt(word=word, number=value, comment=comment, line=line)
 
 
 # ------------------------------------------------------------------------------------- control
 
 
-def _control(code: str, comment: str, line: int) -> Statement:
+def _control(code: str, comment: str, line: int) -> krl.Statement:
     parser = ExpressionParser(code)
     word = parser.take().text.upper()
     _CONTROL[word](parser)
     parser.finish()
-    return Control(word=word, text=code[len(word) :].strip(), comment=comment, line=line)
+    return krl.Control(word=word, text=code[len(word) :].strip(), comment=comment, line=line)
 
 
 def _no_more(parser: ExpressionParser) -> None:
@@ -392,12 +376,12 @@ _CONTROL: dict[str, Callable[[ExpressionParser], None]] = {
 }
 
 
-def _external(code: str, comment: str, line: int) -> Statement:
+def _external(code: str, comment: str, line: int) -> krl.Statement:
     word, _, text = code.partition(" ")
-    return External(text=text.strip(), word=word.upper(), comment=comment, line=line)
+    return krl.External(text=text.strip(), word=word.upper(), comment=comment, line=line)
 
 
-_Handler = Callable[[str, str, int], Statement]
+_Handler = Callable[[str, str, int], krl.Statement]
 _HANDLERS: dict[str, _Handler] = {
     **dict.fromkeys(MOVES, move),
     **dict.fromkeys(_CONTROL, _control),
