@@ -14,7 +14,7 @@ import {
   Vector3,
 } from "./three.bundle.js";
 
-export const MANY = 3000; // above it marks are coarse, and lines while the view turns
+export const MANY = 3000; // above it marks are single lines, and edges are not smoothed
 
 // ends: flat array of segments, 6 numbers each; returns the lines and paint(i => colour)
 export function lineSegments(ends) {
@@ -35,11 +35,6 @@ export function lineSegments(ends) {
   return { lines, paint };
 }
 
-function shapeOf(size, many, cones) {
-  if (cones) return new ConeGeometry(size, 3 * size, many ? 3 : 8, 1, many);
-  return new SphereGeometry(size, many ? 4 : 10, many ? 3 : 8);
-}
-
 // sets a matrix so that a cone's tip stands at a point and the cone lies along an axis from there
 export function standCone(target, point, axis, size) {
   const towards = new Vector3(...axis).negate().normalize();
@@ -50,27 +45,28 @@ export function standCone(target, point, axis, size) {
   return target.setPosition(new Vector3(...point).addScaledVector(towards, -1.5 * size));
 }
 
-// segments of a length from points along their axes
-function needleEnds(points, axes, length) {
+// lines of a length from points along their axes, upright where axes is null
+function needles(points, axes, length) {
   const ends = new Float32Array(2 * points.length);
   for (let k = 0; k < points.length; k++) {
     const at = 6 * Math.floor(k / 3) + (k % 3);
     ends[at] = points[k];
-    ends[at + 3] = points[k] + length * axes[k];
+    ends[at + 3] = points[k] + length * (axes ? axes[k] : k % 3 === 2);
   }
-  return ends;
+  const { lines, paint } = lineSegments(ends);
+  return { mesh: lines, indexOf: ({ index }) => index >> 1, paint };
 }
 
-// Cones whose tips stand at points, balls where axes is null; returns the mesh, what
-// stands in for it while the view turns (null of few marks) and paint(i => colour).
+// Cones whose tips stand at points, balls where axes is null, needles of many. Returns the mesh,
+// indexOf(what a ray meets), paint(i => colour).
 export function pointMarks(points, axes, size) {
   const n = points.length / 3;
-  const many = n > MANY;
+  if (n > MANY) return needles(points, axes, 3 * size);
+  const shape = axes ? new ConeGeometry(size, 3 * size, 8, 1) : new SphereGeometry(size, 10, 8);
   const material = new MeshLambertMaterial({ color: 0xffffff });
-  const mesh = new InstancedMesh(shapeOf(size, many, axes !== null), material, Math.max(1, n));
+  const mesh = new InstancedMesh(shape, material, Math.max(1, n));
   mesh.count = n;
   mesh.frustumCulled = false;
-  const needles = many && axes ? lineSegments(needleEnds(points, axes, 3 * size)) : null;
   const place = new Matrix4();
   const colour = new Color(0x888888);
   for (let i = 0; i < n; i++) {
@@ -83,7 +79,6 @@ export function pointMarks(points, axes, size) {
   const paint = (colourOf) => {
     for (let i = 0; i < n; i++) mesh.setColorAt(i, colour.setRGB(...colourOf(i), "srgb"));
     if (n) mesh.instanceColor.needsUpdate = true;
-    needles?.paint(colourOf);
   };
-  return { mesh, coarse: needles && [needles.lines], paint };
+  return { mesh, indexOf: ({ instanceId }) => instanceId, paint };
 }

@@ -18,7 +18,6 @@ import {
   WebGLRenderer,
 } from "./three.bundle.js";
 import { Arm } from "./arm.js";
-import { Drawing } from "./drawing.js";
 import { lineSegments, MANY, pointMarks } from "./marks.js";
 import { Solids } from "./solids.js";
 import { Tips } from "./tips.js";
@@ -47,7 +46,7 @@ class SceneView {
   #solids;
   #ball;
   #meeting;
-  #drawing;
+  #asked = false;
   #fitted = null;
   #tips = null;
   #removals = [];
@@ -57,10 +56,6 @@ class SceneView {
     this.#renderer = renderer;
     renderer.setPixelRatio(Math.min(2, window.devicePixelRatio || 1));
     host.append(renderer.domElement);
-    this.#drawing = new Drawing(renderer.getContext(), () => {
-      renderer.render(this.#scene, this.#camera);
-      this.#tips?.label((point) => this.#inView(point));
-    });
     const dark = window.matchMedia("screen and (prefers-color-scheme: dark)");
     const paint = () => {
       this.#scene.background = new Color(dark.matches ? DARK : LIGHT);
@@ -69,7 +64,7 @@ class SceneView {
     dark.addEventListener("change", paint);
     this.#camera.up.set(0, 0, 1);
     this.#controls = new OrbitControls(this.#camera, renderer.domElement);
-    this.#drawing.follow(this.#controls);
+    this.#controls.addEventListener("change", () => this.#draw());
     this.#hearKeys(renderer.domElement);
     this.#part.matrixAutoUpdate = false;
     this.#scene.add(this.#part);
@@ -192,22 +187,29 @@ class SceneView {
   // adds segments in the workpiece; returns paint(i => colour) and remove()
   addSegments(ends) {
     const { lines, paint } = lineSegments(ends);
-    const remove = this.#drawing.show(this.#part, lines, ends.length > 6 * MANY ? [] : null);
-    this.#removals.push(remove);
+    const remove = this.#add(lines);
     return { paint: this.#painting(paint), remove };
   }
 
-  // adds cones, or balls where axes is null; returns paint(i => colour); a click gives the index
+  // adds marks as pointMarks; returns paint(i => colour); a click gives the index
   addMarks(points, axes, size, onPick) {
-    const { mesh, coarse, paint } = pointMarks(points, axes, size);
-    const remove = this.#drawing.show(this.#part, mesh, coarse);
+    const { mesh, indexOf, paint } = pointMarks(points, axes, size);
+    this.#add(mesh);
     const listening = new AbortController();
-    this.#pick(mesh, onPick, listening);
-    this.#removals.push(() => {
-      listening.abort();
-      remove();
-    });
+    this.#pick(mesh, size, (hit) => onPick(indexOf(hit)), listening);
+    this.#removals.push(() => listening.abort());
     return { paint: this.#painting(paint) };
+  }
+
+  // adds an object to the workpiece; returns what takes it away
+  #add(object) {
+    this.#part.add(object);
+    const remove = () => {
+      object.removeFromParent();
+      object.geometry.dispose();
+    };
+    this.#removals.push(remove);
+    return remove;
   }
 
   // takes paths and marks away
@@ -238,9 +240,10 @@ class SceneView {
     return ball;
   }
 
-  #pick(mesh, onPick, { signal }) {
+  #pick(mesh, near, onHit, { signal }) {
     const canvas = this.#renderer.domElement;
     const ray = new Raycaster();
+    ray.params.Line.threshold = near;
     let down = null;
     const hear = (name, heard) => canvas.addEventListener(name, heard, { signal });
     hear("pointerdown", (event) => {
@@ -253,7 +256,7 @@ class SceneView {
       const y = 1 - ((clientY - box.top) / box.height) * 2;
       ray.setFromCamera(new Vector2(x, y), this.#camera);
       const [hit] = ray.intersectObject(mesh);
-      if (hit) onPick(hit.instanceId);
+      if (hit) onHit(hit);
     });
   }
 
@@ -343,8 +346,15 @@ class SceneView {
     this.#scene.add(new HemisphereLight(0xffffff, 0x8a949e, 2.2), sun);
   }
 
+  // draws once before the next frame, however often it is asked
   #draw() {
-    this.#drawing.ask();
+    if (this.#asked) return;
+    this.#asked = true;
+    requestAnimationFrame(() => {
+      this.#asked = false;
+      this.#renderer.render(this.#scene, this.#camera);
+      this.#tips?.label((point) => this.#inView(point));
+    });
   }
 
   #resize() {
@@ -358,35 +368,24 @@ class SceneView {
 }
 
 // What stands in for the view where the browser has no WebGL: the rest of the page works.
+const SILENT = "stand place miss work highlight clear shift point addFloor addFrame look fit";
 export const NO_SCENE = {
-  stand() {},
-  place() {},
-  miss() {},
-  work() {},
-  solids: [],
-  highlight() {},
-  tip: null,
-  meeting: null,
+  ...Object.fromEntries(SILENT.split(" ").map((name) => [name, () => {}])),
+  ...{ solids: [], tip: null, meeting: null, eye: null },
   inWorld: (point) => point,
   addSegments: () => ({ paint() {}, remove() {} }),
   addMarks: () => ({ paint() {} }),
-  clear() {},
-  shift() {},
   handle: () => ({ at() {}, turns: false, axis: null }),
   linkFrame: () => null,
   pixel: () => [0, 0],
-  eye: null,
-  point() {},
-  addFloor() {},
-  addFrame() {},
-  look() {},
-  fit() {},
 };
 
 // the 3D view of a page's data in an element
 export function openScene(host, data) {
   try {
-    const renderer = new WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
+    // smooth edges cost software GL most of a frame with lines of thousands of tags
+    const antialias = (data.names ?? data.rows?.names ?? []).length <= MANY;
+    const renderer = new WebGLRenderer({ antialias, preserveDrawingBuffer: true });
     return new SceneView(host, renderer, data);
   } catch (problem) {
     host.textContent = `This browser shows no 3D (WebGL is off): ${problem.message}`;

@@ -1,6 +1,11 @@
 import assert from "node:assert/strict";
 import test from "node:test";
-import { lineSegments, pointMarks, standCone } from "../../../postproc/report/assets/marks.js";
+import {
+  lineSegments,
+  MANY,
+  pointMarks,
+  standCone,
+} from "../../../postproc/report/assets/marks.js";
 import { Solids } from "../../../postproc/report/assets/solids.js";
 import {
   Group,
@@ -28,14 +33,18 @@ for (const axis of [
   });
 }
 
-test("a ray meets the mark that it is aimed at", () => {
-  const points = Float32Array.from([0, 0, 0, 1, 0, 0, 2, 0, 0]);
-  const { mesh } = pointMarks(points, null, SIZE);
-  const picked = [0, 1, 2, 0.5].map((x) => {
-    const ray = new Raycaster(new Vector3(x, 0, 5), new Vector3(0, 0, -1));
-    return ray.intersectObject(mesh)[0]?.instanceId;
-  });
-  assert.deepEqual(picked, [0, 1, 2, undefined]);
+test("a ray meets the mark that it is aimed at, of few and of many", () => {
+  for (const n of [3, MANY + 1]) {
+    const points = Float32Array.from({ length: 3 * n }, (_, k) => (k % 3 ? 0 : k / 3));
+    const { mesh, indexOf } = pointMarks(points, null, SIZE);
+    const picked = [0, 1, 2, 0.5].map((x) => {
+      const ray = new Raycaster(new Vector3(x, -5, SIZE / 2), new Vector3(0, 1, 0));
+      ray.params.Line.threshold = SIZE;
+      const [hit] = ray.intersectObject(mesh);
+      return hit && indexOf(hit);
+    });
+    assert.deepEqual(picked, [0, 1, 2, undefined]);
+  }
 });
 
 test("marks are painted one by one", () => {
