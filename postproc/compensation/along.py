@@ -1,8 +1,9 @@
 """Effects along the path, as a trace has shown them, taken off a program.
 
 The program is timed as a controller drives it, the effects act on the course of its joints, and
-each point of a cut is shifted by what the real tool misses it where it comes nearest; again, until
-no point comes closer. What only makes the tool late moves nothing: the nearest place stays.
+each point of a cut is shifted by what the real tool misses it where it comes nearest. Where that
+leaves too much the feed is lowered. What only makes the tool late moves nothing: the nearest place
+stays.
 """
 
 from __future__ import annotations
@@ -14,13 +15,14 @@ import numpy as np
 
 from postproc.arrays import ROUNDING, BoolArray, FloatArray, IntArray
 from postproc.cell import Cell
-from postproc.compensation.drive import KNOT, Drive, driven, run_of
+from postproc.compensation.drive import KNOT, Drive, check_size, driven, run_of
 from postproc.emitters import motions_of
 from postproc.gap import EFFECTS
 from postproc.geometry import inverse
 from postproc.kinematics import Kinematics
 from postproc.model import AlongPath, ModelFile, MoveRole, Plan
 from postproc.paths import Paths
+from postproc.process import LEAST_SHARE
 from postproc.records import dataclass
 from postproc.trace import (
     PATH_EFFECTS,
@@ -37,11 +39,13 @@ BLOCK = 0.024
 STEEPEST = 1.0
 """A shift may change by this much [m] per metre of a cut. It has to change where a joint turns back
 by all that the joint loses; how far the speed drops there is in the run."""
-LESS, FADE = 6, 10
-"""So often shifts are halved where they make something worse, and at so many points around less."""
 CORNER = 20.0 * DEG
 """From this turn [rad] on a point of a cut is a corner, beyond what shifts bend a line by."""
 ROUNDS = 3
+FEEDS = 5
+"""So often the feed is set by what the shifts have left."""
+FEED_CHANGE = (0.4, 1.2)
+"""A share of the feed is multiplied by no less and no more at once."""
 """So often a program is shifted by what its own run misses."""
 
 
@@ -76,61 +80,71 @@ class Follower:
         return lambda move, share: drive.missed(np.asarray(begin[move] + share))
 
     def compensated(self, plan: Plan, file: ModelFile) -> Plan:
-        """Return a plan whose cuts are shifted by what the tool would miss them.
+        """Return a plan whose cuts are shifted by what the tool would miss them, and slowed.
 
-        Of all that were tried the nearest to the path that is nowhere, in the mean and at most,
-        further off it than the plan, also where the effects are as uncertain as a diagnosis left
-        something beside them.
+        What shifts leave beyond what a corner may be passed by, they cannot answer: there the feed
+        is lowered, to where the tool is near enough or the process takes no less. Of all that were
+        tried the nearest to the path that is nowhere, in the mean and at most, further off it than
+        the plan, also where the effects are as uncertain as a diagnosis left something beside them.
         """
         is_cut = np.asarray(plan.role) == MoveRole.CUT
-        tool = self.cell.tcp_of(plan.tool_of_moves)
-        T_robroot_tcp = self.kinematics.fk(plan.q) @ tool
-        wanted = T_robroot_tcp[:, :3, 3]
         rest = _rest(file)
         begin, drive = self.run(plan)
         place, point = _places(drive, begin[is_cut])
-        size = _rms(np.linalg.norm(drive.missed(place, point), axis=1))
+        missed = drive.missed(place, point)
+        check_size(missed, file)
+        size = _rms(np.linalg.norm(missed, axis=1))
         doubt = min(1.0, rest[0] / max(size, SETTLED))
-        plan = replace(plan, shift_along=np.zeros_like(wanted))
+        plan = replace(plan, shift_along=np.zeros((len(plan), 3)))
         plain = _Level.of(drive, place, point, plan, doubt)
-        levels, shift = [plain], np.zeros_like(wanted)
-        found = [PATH_EFFECTS.get(name).lost(theta) for name, theta in self.effects.items()]
-        lost = np.flatnonzero(np.any(found, axis=0)).astype(np.int32)
-        for hold in (False, True) if plain.rms[0] >= SETTLED else ():
-            shift, run, now = np.zeros_like(wanted), (begin, drive), plan
-            for number in range(ROUNDS):
-                missed = run[1].missed(run[0] + 1.0, wanted)
-                missed[~is_cut] = 0.0
-                # what one round leaves comes of the shifts themselves
-                shift = shift - (1.0 if number == 0 else 0.5) * missed
-                shift = _gentle(shift, wanted, is_cut)
-                now = self._shifted(plan, T_robroot_tcp, tool, shift)
-                if hold:
-                    q = _held(np.asarray(plan.q), np.asarray(now.q), is_cut, lost)
-                    shift = (self.kinematics.fk(q) @ tool)[:, :3, 3] - wanted
-                    now = self._shifted(plan, T_robroot_tcp, tool, shift)
-                run = self.run(now)
-                levels.append(_Level.of(run[1], place, point, now, doubt))
+        levels = [plain]
+        bound, least = self.cell.motion.corner_tolerance, self.cell.process.least_feed
+        move = np.searchsorted(begin, place, "right") - 1
+        for shifting in self._answers() if plain.rms[0] >= SETTLED else ():
+            share = np.ones(len(plan))
+            for _ in range(FEEDS):
+                now = shifting.shifted(_slowed(plan, share, least), is_cut)
+                level = _Level.of(self.run(now)[1], place, point, now, doubt)
+                levels.append(level)
+                off = np.zeros(len(plan))
+                np.maximum.at(off, move, level.off)
+                wanted = np.clip(bound / np.maximum(off, SETTLED), *FEED_CHANGE)
+                before, share = share, np.clip(share * wanted, LEAST_SHARE, 1.0)
+                if (share == before).all():
+                    break
         good = [level for level in levels if level.is_no_worse(plain, rest[0])]
-        share = np.ones(len(wanted))
-        for _ in range(LESS):
-            over = place[levels[-1].off > plain.most[0]]
-            if len(good) > 1 or len(levels) == 1 or len(over) == 0:
-                break
-            near = np.unique(np.searchsorted(begin, over, "right") - 1)
-            away = np.full(len(wanted), FADE)
-            for step in range(1 - FADE, FADE):
-                np.minimum.at(away, np.clip(near + step, 0, len(wanted) - 1), abs(step))
-            share = share * (0.5 + 0.5 * away / FADE)
-            now = self._shifted(plan, T_robroot_tcp, tool, share[:, None] * shift)
-            levels.append(_Level.of(self.run(now)[1], place, point, now, doubt))
-            good = [level for level in levels if level.is_no_worse(plain, rest[0])]
         best = min(good, key=lambda level: level.fourth)
-        off = (plain.rms[0], plain.most[0], best.rms[0], best.most[0])
+        off_path = (plain.rms[0], plain.most[0], best.rms[0], best.most[0])
         ends = (min(best.rms), max(best.rms))
         low, high = (float(np.hypot(k, r)) for k, r in zip(ends, rest[1:], strict=True))
-        told = AlongPath(tuple(sorted(self.effects)), *off, rest[0], low, high)
+        kept = (np.asarray(best.plan.speed) / np.asarray(plan.speed))[is_cut]
+        slowed = (int(np.sum(kept < 1.0)), float(kept.min(initial=1.0)))
+        told = AlongPath(tuple(sorted(self.effects)), *off_path, rest[0], low, high, *slowed)
         return replace(best.plan, along_path=told)
+
+    def _answers(self) -> tuple[Follower, ...]:
+        """Return followers whose shifts are tried: of all effects, and of those that last.
+
+        A shift against what comes and goes after a joint turns back turns the joint once more.
+        """
+        lasting = {n: PATH_EFFECTS.get(n).lasting(theta) for n, theta in self.effects.items()}
+        return self, replace(self, effects=lasting)
+
+    def shifted(self, plan: Plan, is_cut: BoolArray) -> Plan:
+        """Return a plan with its cuts (m,) shifted by what its own run misses."""
+        tool = self.cell.tcp_of(plan.tool_of_moves)
+        T_robroot_tcp = self.kinematics.fk(plan.q) @ tool
+        wanted = T_robroot_tcp[:, :3, 3]
+        shift, now = np.zeros_like(wanted), plan
+        for number in range(ROUNDS):
+            begin, drive = self.run(now)
+            missed = drive.missed(begin + 1.0, wanted)
+            missed[~is_cut] = 0.0
+            # what one round leaves comes of the shifts themselves
+            shift = shift - (1.0 if number == 0 else 0.5) * missed
+            shift = _gentle(shift, wanted, is_cut)
+            now = self._shifted(plan, T_robroot_tcp, tool, shift)
+        return now
 
     def _shifted(
         self, plan: Plan, T_robroot_tcp: FloatArray, tool: FloatArray, shift: FloatArray
@@ -192,6 +206,13 @@ class _Level:
         return known and all(mine <= others + rest for mine, others in pairs)
 
 
+def _slowed(plan: Plan, share: FloatArray, least: float) -> Plan:
+    """Return a plan at shares (m,) of its feeds, in steps that keep a program short."""
+    step = np.maximum(np.ceil(share / LEAST_SHARE - ROUNDING) * LEAST_SHARE, min(1.0, least))
+    speed, duration = np.asarray(plan.speed) * step, np.asarray(plan.duration) / step
+    return replace(plan, speed=speed, duration=duration)
+
+
 def as_planned(plan: Plan) -> Callable[[Paths], FloatArray]:
     """Return what takes the shifts of a plan off its run again, for a check of its text."""
     shift = np.asarray(plan.shift_along)
@@ -214,10 +235,10 @@ def _rest(file: ModelFile) -> tuple[float, float, float]:
     """Return what a diagnosis has left off the path [m]: root mean square, and its interval."""
     if REST not in file.effects:
         return (0.0, 0.0, float("nan"))
-    rms = file.values(REST, "contour_rms_mm")
-    ends = file.values(REST, "contour_rms_ci_mm", (2,))
-    low, high = (0.0, float("nan")) if ends is None else ends.tolist()
-    return float(0.0 if rms is None else rms), low, high
+    any_size = (0.0, np.inf)
+    rms = file.values(REST, "contour_rms_mm", within=any_size)
+    low, high = np.asarray(file.values(REST, "contour_rms_ci_mm", (2,), within=any_size))
+    return float(np.asarray(rms)), float(low), float(high)
 
 
 def _places(drive: Drive, begin: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -238,33 +259,6 @@ def _legs(point: FloatArray, is_cut: BoolArray) -> tuple[FloatArray, FloatArray,
     turns = cut[1:] & cut[:-1] & (np.sum(way[1:] * way[:-1], axis=1) < np.cos(CORNER))
     corner = np.r_[False, turns, False]
     return np.where(cut & ~corner[1:] & ~corner[:-1], length, np.inf), way, corner
-
-
-def _held(q: FloatArray, shifted: FloatArray, is_cut: BoolArray, joints: IntArray) -> FloatArray:
-    """Return shifted joints (m, 6) [rad] of cuts, some between the places where they turn back.
-
-    A joint that was sent further has to come back before it turns: it turns there, and what it
-    loses adds to its shift. Held, it loses no more than it would without a shift.
-    """
-    found = shifted.copy()
-    cut = is_cut[1:] & is_cut[:-1]
-    ends = np.flatnonzero(np.diff(np.r_[False, cut, False].astype(np.int8)))
-    for joint in joints.tolist():
-        step = np.diff(q[:, joint])
-        for first, last in ends.reshape(-1, 2).tolist():
-            moves = first + np.flatnonzero(np.abs(step[first:last]) > ROUNDING)
-            turns = moves[1:][np.sign(step[moves[1:]]) != np.sign(step[moves[:-1]])].tolist()
-            if not len(moves):
-                continue
-            # how far it goes where the cut begins and ends is free
-            way = float(np.sign(step[moves[0]]))
-            known = [-np.inf * way, *q[turns, joint], np.inf * way * (-1) ** len(turns)]
-            edge = [first, *turns, last]
-            for k in range(len(turns) + 1):
-                own = slice(edge[k], edge[k + 1] + 1)
-                low, high = sorted(known[k : k + 2])
-                found[own, joint] = np.clip(found[own, joint], low, high)
-    return found
 
 
 def _gentle(shift: FloatArray, point: FloatArray, is_cut: BoolArray) -> FloatArray:

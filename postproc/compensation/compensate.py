@@ -24,14 +24,14 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from postproc.cell import Cell
 from postproc.compensation.along import BLOCK, Follower
-from postproc.compensation.drive import run_of
+from postproc.compensation.drive import check_size, run_of
 from postproc.compensation.pieces import SAMPLE_STEP, SHORTEST, in_pieces
 from postproc.compensation.real_arm import RealArm, left_out
 from postproc.compensation.reversals import Sides, sides_of
-from postproc.compensation.solve import ACCURACY, LARGEST, Compensated, solve
+from postproc.compensation.solve import ACCURACY, Compensated, solve
 from postproc.compensation.starts import comes_down, with_points
-from postproc.errors import DataError, Finding, Severity
-from postproc.gap import RobotModel, stiffness_of
+from postproc.errors import Finding, Severity
+from postproc.gap import stiffness_of
 from postproc.geometry import inverse
 from postproc.kinematics import Kinematics, corner_miss, within_tolerance
 from postproc.model import AlongPath, ModelFile, MoveKind, MoveRole, Plan, load_model
@@ -39,6 +39,7 @@ from postproc.paths import Moments, Timeline
 from postproc.process import operation_loads
 from postproc.records import dataclass
 from postproc.stiffness import ContinuousField
+from postproc.trace import PATH_EFFECTS
 from postproc.units import DEG, MM, UM
 
 WORKING = (MoveRole.CUT, MoveRole.PLUNGE)
@@ -107,7 +108,7 @@ def compensate(plan: Plan, cell: Cell, model: str | ModelFile) -> Plan:
     findings = [
         *_findings(plan, cell, arm.kinematics, solved),
         *_unsettled(plan, unsettled),
-        *_left_out(arm.model, file),
+        *_left_out(arm, file),
         *_far(plan, file),
     ]
     commanded = _doubted(commanded, arm, rows, told)
@@ -115,7 +116,6 @@ def compensate(plan: Plan, cell: Cell, model: str | ModelFile) -> Plan:
         commanded = _crossing(commanded, plan, cell, arm, rows, sides, file)
     if arm.along:
         commanded = follower(arm).compensated(commanded, file)
-        _check_size(np.asarray(commanded.shift_along), file)
         findings += _left_along(commanded.along_path, cell)
     return replace(
         commanded,
@@ -131,7 +131,7 @@ def _left_along(told: AlongPath | None, cell: Cell) -> list[Finding]:
         return []
     text = f"the tool is expected up to {told.max / MM:.3g} mm off the path of the cuts"
     plain = f", {told.plain_max / MM:.3g} mm without compensation"
-    hint = "lower the feed where the path turns; convert --json has more in along_path"
+    hint = "turn the part or the spin so that fewer joints turn back there; see along_path"
     return [Finding(Severity.WARNING, "CMP006", f"{text}{plain}", hint=hint)]
 
 
@@ -173,19 +173,8 @@ def _solved(
         parts.append(solve(arm.models[tool], arm.kinematics, T_flange_tcp, q, wrench, here))
     order = np.argsort(np.concatenate([np.flatnonzero(rows.tool == tool) for tool in tools]))
     solved = Compensated.concat(parts).rows(order)
-    _check_size(solved.shift, file)
+    check_size(solved.shift, file)
     return solved
-
-
-def _check_size(shift: FloatArray, file: ModelFile) -> None:
-    """Refuse shifts (n, 3) [m] that no real arm can need."""
-    largest = float(np.linalg.norm(shift, axis=1).max(initial=0.0))
-    if largest > LARGEST:
-        raise DataError(
-            "CMP001",
-            f"the model asks for shifts of up to {largest / MM:.1f} mm, too large for a real arm",
-            file.source(next(iter(file.effects), "")),
-        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -391,17 +380,27 @@ def _unsettled(plan: Plan, change: FloatArray) -> list[Finding]:
     ]
 
 
-def _left_out(model: RobotModel, file: ModelFile) -> list[Finding]:
-    """Return a finding for effects that depend on what no program knows beforehand."""
-    return [
+def _left_out(arm: RealArm, file: ModelFile) -> list[Finding]:
+    """Return a finding for effects that a program cannot answer, and for joints none tells of."""
+    told = {n: f"a program does not give {', '.join(m)}" for n, m in left_out(arm.model).items()}
+    for name in file.effects:
+        if name in PATH_EFFECTS and name not in {*arm.along, *arm.model.states}:
+            told[name] = "no program swings against it; " + PATH_EFFECTS.get(name).action
+    found = [
         Finding(
             Severity.WARNING,
             "CMP003",
-            f"{name} is not compensated: a program does not give {', '.join(missing)}",
+            f"{name} is not compensated: {why}",
             source=file.source(name),
         )
-        for name, missing in left_out(model).items()
+        for name, why in told.items()
     ]
+    for key, joints in file.unseen.items():
+        effect, name = key.split(".")
+        text = f"effects.{key} is not known of {' '.join(f'A{joint}' for joint in joints)}"
+        where = file.source(effect, name)
+        found.append(Finding(Severity.NOTE, "CMP009", f"{text}: counted as none", source=where))
+    return found
 
 
 def _doubted(plan: Plan, arm: RealArm, rows: _Rows, conditions: Mapping[str, FloatArray]) -> Plan:

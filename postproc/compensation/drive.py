@@ -9,26 +9,28 @@ import numpy as np
 from postproc.arrays import ROUNDING, FloatArray, IntArray, forward_filled
 from postproc.cell import Cell
 from postproc.emitters import EMITTERS, emitter_of, motions_of
-from postproc.errors import EmitError, SourceRef
+from postproc.errors import DataError, EmitError, SourceRef
 from postproc.geometry import onto_line
 from postproc.kinematics import Kinematics
-from postproc.model import Plan
+from postproc.model import ModelFile, Plan
 from postproc.paths import Paths, bends_of, chains, durations
 from postproc.records import dataclass
 from postproc.timing import RAMP, chain_profile
-from postproc.trace import JOINTS, PATH_EFFECTS, Recording, Scene, Stage
+from postproc.trace import JOINTS, LONGEST, PATH_EFFECTS, Recording, Scene, Stage
 from postproc.units import MM
 
 CYCLE = 0.004
 """Interpolator cycle [s] in which a run is sampled."""
 KNOT = 0.5 * MM
 """Way [m] between two places of a run at which its speed is known."""
-BEHIND, AHEAD = 0.1, 0.3
+BEHIND, AHEAD = 0.1, LONGEST
 """The tool is at a place at most so much [s] before or after its command."""
 AT_ONCE = 200_000
 """Samples of a run that effects act on together."""
 OVERLAP = 5_000
 """Samples before these of which effects remember: 20 s."""
+LARGEST = 0.05
+"""A shift beyond this [m] is no compensation but a wrong model."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,6 +72,21 @@ class Drive:
             shorter = off < np.linalg.norm(found, axis=1)
             found = np.where(shorter[:, None], way, found)
         return np.asarray(found)
+
+
+def check_size(shift: FloatArray, file: ModelFile) -> None:
+    """Refuse shifts (n, 3) [m] that no real arm can need.
+
+    Raises:
+        DataError: CMP001.
+    """
+    largest = float(np.linalg.norm(shift, axis=1).max(initial=0.0))
+    if not largest <= LARGEST:
+        raise DataError(
+            "CMP001",
+            f"the model asks for shifts of up to {largest / MM:.1f} mm, too large for a real arm",
+            file.source(next(iter(file.effects), "")),
+        )
 
 
 def driven(

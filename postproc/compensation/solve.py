@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, Table
+from postproc.compensation.drive import LARGEST
 from postproc.compensation.real_arm import real_point
 from postproc.gap import RobotModel
 from postproc.geometry import inverse
@@ -16,8 +17,6 @@ from postproc.records import dataclass
 
 ACCURACY = 1e-7
 """The iteration ends when every real tool point is this close [m] to its target."""
-LARGEST = 0.05
-"""A shift beyond this [m] is no compensation but a wrong model."""
 _STEPS = 30
 
 

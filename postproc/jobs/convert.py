@@ -579,6 +579,7 @@ def _along(told: AlongPath | None) -> dict[str, Any]:
     rows = {name: round(value / MM, 6) for name, value in own.items()}
     ends = [round(v / MM, 6) if np.isfinite(v) else None for v in (told.low, told.high)]
     path = {"effects": list(told.effects), **rows, "expected_rms_ci_mm": ends}
+    path |= {"slowed_moves": told.slowed, "least_feed_percent": round(100.0 * told.least_share)}
     return {**points, "along_path": path}
 
 

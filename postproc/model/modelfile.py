@@ -34,6 +34,7 @@ from postproc.units import DEG, MM, MS, N_PER_MM, NMM_PER_RAD
 SCHEMA = "postproc.model/1"
 LARGEST = 1e15
 """No parameter in any unit comes near this."""
+JOINTS = range(1, 7)
 UNITS = MappingProxyType(
     {
         "Nmm_per_rad": NMM_PER_RAD,
@@ -161,7 +162,12 @@ class ModelFile:
                 )
 
     def values(
-        self, effect: str, key: str, shape: tuple[int | None, ...] = (), optional: bool = False
+        self,
+        effect: str,
+        key: str,
+        shape: tuple[int | None, ...] = (),
+        optional: bool = False,
+        within: tuple[float, float] = (-math.inf, math.inf),
     ) -> FloatArray | None:
         """Return numbers of an effect in SI, by the unit in the key.
 
@@ -170,13 +176,15 @@ class ModelFile:
             key: as in the file, such as ``offset_deg``.
             shape: expected shape; None stands for any length, () for one number.
             optional: return None instead of raising where the key is missing.
+            within: least and largest number in SI that an arm can have.
 
         Returns:
             Numbers of this shape in SI.
 
         Raises:
-            DataError: MOD005 missing, MOD006 not numbers of this shape, or infinite: only a
-                stiffness may be. NaN stands for what was not seen.
+            DataError: MOD005 missing, MOD006 not numbers of this shape, not within the bounds, or
+                infinite: only a stiffness may be. NaN stands for a joint that was not seen, and for
+                nothing else.
         """
         table = self.table(effect)
         if key not in table:
@@ -190,10 +198,42 @@ class ModelFile:
                 "MOD006", f"effects.{effect}.{key}: expected {wanted}", self.source(effect, key)
             )
         is_rigid = np.isposinf(value) & ("stiffness" in key)
-        if not (is_rigid | np.isnan(value) | (np.abs(value) <= LARGEST)).all():
-            text = f"effects.{effect}.{key}: expected numbers of at most {LARGEST:g}"
+        is_unseen = np.isnan(value) & (shape[:1] == (len(JOINTS),))
+        low, high = (float(np.clip(end / factor(key), -LARGEST, LARGEST)) for end in within)
+        if not (is_rigid | is_unseen | ((low <= value) & (value <= high))).all():
+            text = f"effects.{effect}.{key}: expected numbers from {low:g} to {high:g}"
             raise DataError("MOD006", text, self.source(effect, key))
         return si(key, value)
+
+    def choice(self, effect: str, key: str, known: Sequence[str]) -> int:
+        """Return which of some words an effect has for a key, the first where it has none.
+
+        Args:
+            effect: name of a table that is there.
+            key: as in the file.
+            known: what it may say.
+
+        Raises:
+            DataError: MOD006 for another word.
+        """
+        word = self.table(effect).get(key, known[0])
+        if word not in known:
+            text = f"effects.{effect}.{key}: expected {' or '.join(map(repr, known))}"
+            raise DataError("MOD006", text, self.source(effect, key))
+        return known.index(word)
+
+    @property
+    def unseen(self) -> dict[str, list[int]]:
+        """Keys (``effect.key``) whose number some joints (1..6) lack: the data could not tell."""
+        found = {}
+        for effect, table in self.effects.items():
+            for key, value in table.items():
+                numbers = _numbers(value)
+                if numbers is not None and numbers.shape[:1] == (len(JOINTS),):
+                    lacks = np.isnan(numbers).reshape(len(JOINTS), -1).any(axis=1)
+                    joints = [joint for joint in JOINTS if lacks[joint - 1]]
+                    found |= {f"{effect}.{key}": joints} if joints else {}
+        return found
 
 
 def si(key: str, value: ArrayLike) -> FloatArray:

@@ -65,6 +65,7 @@ class AlongPath:
         rest_rms: [m] off the path what no effect explains.
         low, high: [m] interval of the root mean square of all with compensation, NaN where nobody
             knows.
+        slowed, least_share: how many cuts have less than their feed, and the least share of it.
     """
 
     effects: tuple[str, ...]
@@ -75,6 +76,8 @@ class AlongPath:
     rest_rms: float
     low: float
     high: float
+    slowed: int
+    least_share: float
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,7 @@ from postproc.process.claims import (
 )
 from postproc.process.feeds import (
     AXIS_SHARE,
+    LEAST_SHARE,
     LOWERED_FROM,
     LOWERED_TO,
     assumptions,

@@ -13,6 +13,8 @@ from postproc.units import MM_PER_MIN
 AXIS_SHARE = 0.95 * 0.98
 """Share of an axis's speed that a feed may need; a higher feed is lowered to it. The rest is for
 what samples of the way miss, and for the digits of the text."""
+LEAST_SHARE = 0.1
+"""Where the real tool would leave the path of a cut the feed is lowered to this share at least."""
 LOWERED_FROM = 0.88
 """A feed is rightly lowered if it would need more than this share: whoever judges a program samples
 it elsewhere than whoever made it, and reads rounded points."""

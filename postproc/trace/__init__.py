@@ -1,6 +1,7 @@
 """The gap along a path: from what a controller recorded to its causes."""
 
 from postproc.trace.answer import PathDiagnosis
+from postproc.trace.contour import LONGEST
 from postproc.trace.document import PLANNER, REST, document, model_file, summary
 from postproc.trace.effect import JOINTS, PATH_EFFECTS, known_effects
 from postproc.trace.program import of_program, of_toolpath

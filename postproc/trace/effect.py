@@ -73,10 +73,9 @@ class PathEffect(ABC):
         """Return the parameters after a step of the fit."""
         return np.asarray(theta + step)
 
-    def lost(self, theta: FloatArray) -> FloatArray:
-        """Return what each joint (6,) [rad] loses where it turns back."""
-        del theta
-        return np.zeros(6)
+    def lasting(self, theta: FloatArray) -> FloatArray:
+        """Return the parameters (p,) of what stays until a joint moves otherwise."""
+        return theta
 
     def count(self, theta: FloatArray) -> int:
         """Return how many free parameters these are."""

@@ -239,17 +239,17 @@ def less_known(scene: Scene, match: Match, model: ModelFile) -> tuple[Match, tup
     """Return a match without the rounding and the feed that a model file has, and their names."""
     known = []
     if "corner_rounding" in model.effects:
-        distance = model.values("corner_rounding", "cdis_mm")
-        form = model.effects["corner_rounding"].get("form", FORMS[0])
+        distance = model.values("corner_rounding", "cdis_mm", within=(0.0, np.inf))
+        form = FORMS[model.choice("corner_rounding", "form", FORMS)]
         value = np.zeros_like(match.off)
         for corner in corners_of(match.program):
             for passage in _passages(scene, match, corner):
-                passage.put(value, form if form in FORMS else FORMS[0], float(distance or 0.0))
+                passage.put(value, form, float(np.asarray(distance)))
         match = replace(match, off=match.off - value)
         known.append("corner_rounding")
     if "feed_deviation" in model.effects:
-        factor = model.values("feed_deviation", "factor")
-        program = match.program
-        match = replace(match, program=replace(program, feed=program.feed * float(factor or 1.0)))
+        factor = model.values("feed_deviation", "factor", within=(0.0, np.inf))
+        feed = match.program.feed * np.asarray(factor)
+        match = replace(match, program=replace(match.program, feed=feed))
         known.append("feed_deviation")
     return match, tuple(known)

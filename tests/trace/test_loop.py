@@ -1,6 +1,7 @@
 """What a trace has shown is taken off a program: the tool is nearer the path, as was foretold."""
 
 import json
+import tomllib
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,9 +9,13 @@ import pytest
 
 from postproc.cell import load_cell
 from postproc.cli import app
-from postproc.compensation.along import _held
+from postproc.compensation import RealArm
+from postproc.compensation.along import _rest
 from postproc.compensation.drive import _standing
-from postproc.errors import EmitError
+from postproc.errors import DataError, EmitError
+from postproc.gap import EFFECTS
+from postproc.model import ModelFile
+from postproc.trace import PATH_EFFECTS, known_effects
 from tests.places import FIXTURES
 
 CELL = FIXTURES / "drift_campaign" / "cell.toml"
@@ -21,6 +26,11 @@ PLAY = (
 )
 LATE = "[effects.controller_delay]\ndelay_ms = 20.0\n"
 REST = "[effects.path_rest]\ncontour_rms_mm = 0.01\ncontour_rms_ci_mm = [0.008, 0.013]\n"
+
+
+def table(text):
+    """The table of an effect as a model file has it."""
+    return next(iter(tomllib.loads(text)["effects"].values()))
 
 
 def contour():
@@ -66,10 +76,13 @@ def test_lag_and_play_are_taken_off(told, capsys):
 
 def test_what_is_left_beyond_a_corner_is_said_and_a_model_of_no_arm_refused(told, tmp_path, capsys):
     source = told["both"][0].parent / "loop.apt"
-    for delay, code in ((200.0, "CMP006"), (3000.0, "CMP001")):
+    for text, code in (
+        (LAG.replace("22.0", "200.0"), "CMP006"),
+        (PLAY.replace("0.015", "1e9"), "CMP001"),
+        (LAG.replace("22.0", "nan"), "CMP009"),
+    ):
         model = tmp_path / "model.toml"
-        table = f"[effects.servo_lag]\ndelay_ms = [0.0, {delay}, 0.0, 0.0, 0.0, 0.0]\n"
-        model.write_text(f'schema = "postproc.model/1"\n{table}')
+        model.write_text(f'schema = "postproc.model/1"\n{text}')
         call = ["convert", str(source), "--cell", str(CELL), "--model", str(model)]
         app.run([*call, "-o", str(tmp_path)])
         assert code in capsys.readouterr().err
@@ -81,18 +94,74 @@ def test_a_delay_of_all_joints_costs_the_part_nothing(told, capsys):
     assert path["rms_mm"] == path["plain_rms_mm"]
 
 
-def test_a_shifted_joint_goes_no_further_than_where_it_turns():
-    time = np.linspace(-1.0, 1.0, 41)
-    q = np.zeros((41, 6))
-    q[:, 1] = -(time**2)
-    shifted = q + 0.05 * np.where(time <= 0.0, 1.0, -1.0)[:, None]
-    held = _held(q, shifted, np.ones(41, dtype=bool), np.array([1]))
-    # no play of 0.05 is crossed before the turn: the joint waits there
-    step = np.diff(held[:, 1])
-    assert np.all(step[:20] >= 0.0)
-    assert np.all(step[20:] <= 0.0)
-    np.testing.assert_array_equal(held[time < -0.25, 1], shifted[time < -0.25, 1])
-    np.testing.assert_array_equal(held[:, 0], shifted[:, 0])
+def test_a_shift_answers_what_lasts():
+    play = PATH_EFFECTS.get("reversal_error")
+    theta = play.read(ModelFile({"reversal_error": table(PLAY)}), table(PLAY))
+    stays = play.lasting(theta)
+    np.testing.assert_array_equal(stays[:6], theta[:6])
+    assert not stays[6:12].any()
+    assert not stays[18:24].any()
+
+
+HOSTILE = {
+    "servo_lag": {
+        "delay_ms": (np.inf, 1e9, -1e9, "late", 3.0),
+        "time_constant_ms": (-1.0, np.inf, 1e9),
+        "loop_damping": (-1.0, 0.0, np.inf),
+    },
+    "controller_delay": {"delay_ms": (np.nan, np.inf, 1e9, -1e9, "late")},
+    "reversal_error": {
+        "half_gap_deg": (np.inf, 1e300, "much", 3.0),
+        "spike_deg": (np.inf, 1e300, 3.0),
+        "spike_course": ("leap", 3.0),
+        "spike_s": (np.nan, -1.0, 0.0, 1e9, "long"),
+        "delay_ms": (np.nan, -1.0, 1e9),
+        "back_deg": (np.nan, np.inf, "far"),
+    },
+    "path_rest": {
+        "contour_rms_mm": (np.nan, -1.0, np.inf),
+        "contour_rms_ci_mm": ([0.0, np.nan], [-1.0, 1.0], 3.0),
+    },
+}
+"""What no arm has, by effect and key; one number for six joints stands for six of it."""
+
+
+def test_numbers_that_no_arm_has_are_refused_and_joints_unseen_are_told():
+    good = {name: table(text) for name, text in zip(HOSTILE, (LAG, LATE, PLAY, REST), strict=True)}
+    # half a degree of lead in one joint is odd, and an arm's
+    accepted = []
+    for name, keys in HOSTILE.items():
+        for key, values in keys.items():
+            six = isinstance(good[name].get(key, [0.0] * 6), list) and name != "path_rest"
+            for value in values:
+                many = six and isinstance(value, float) and value != 3.0
+                wrong = {**good, name: good[name] | {key: [value] * 6 if many else value}}
+                try:
+                    _rest(ModelFile(wrong))
+                    known_effects(ModelFile(wrong))
+                    accepted.append((name, key, value))
+                except DataError as refused:
+                    accepted += [(name, key, value)] if refused.code != "MOD006" else []
+    assert accepted == []
+    blind = good["servo_lag"] | {"delay_ms": [1.0, np.nan, 2.0, 3.0, np.nan, 4.0]}
+    assert ModelFile({"servo_lag": blind}).unseen == {"servo_lag.delay_ms": [2, 5]}
+
+
+def test_static_numbers_that_no_arm_has_are_refused():
+    arm, accepted = RealArm.of(load_cell(CELL), ModelFile({})).model.arm, []
+    for name, effect in EFFECTS:
+        for key, count in effect.layout:
+            for value in (np.nan, np.inf, -np.inf, 1e300, "much"):
+                if (count == 6 and value is np.nan) or ("stiffness" in key and value == np.inf):
+                    continue
+                others = {k: [1.0] * n if n > 1 else 1.0 for k, n in effect.layout}
+                wrong = others | {key: [value] * count if count > 1 else value}
+                try:
+                    effect.read(ModelFile({name: wrong}, instrument={}), arm)
+                    accepted.append((name, key, value))
+                except DataError:
+                    pass
+    assert accepted == []
 
 
 def test_external_axes_that_move_in_the_cut_are_refused():

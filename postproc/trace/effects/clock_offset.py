@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from postproc.trace.effect import TOOL, WHOLE, register
 from postproc.trace.effects.controller_delay import ControllerDelay
 
@@ -18,3 +20,4 @@ class ClockOffset(ControllerDelay):
     keys = ("offset_ms",)
     usual = 1.0
     """A second: nobody sets two clocks closer by hand."""
+    most = math.inf

@@ -9,6 +9,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.model import ModelFile
+from postproc.trace.contour import LONGEST
 from postproc.trace.delays import delayed
 from postproc.trace.effect import JOINTS, WHOLE, Part, PathEffect, moving, register
 from postproc.trace.scene import Stage
@@ -29,6 +30,7 @@ class ControllerDelay(PathEffect):
     rivals = ("servo_lag", "clock_offset")
     keys = ("delay_ms",)
     usual: ClassVar[float] = 0.03
+    most: ClassVar[float] = LONGEST
 
     def start(self, stage: Stage, rest: FloatArray, sigma: FloatArray) -> FloatArray | None:
         """Begin without a delay, where a joint moves."""
@@ -52,5 +54,5 @@ class ControllerDelay(PathEffect):
     def read(self, model: ModelFile, table: Mapping[str, Any]) -> FloatArray | None:
         """Return the delay of a file."""
         del table
-        value = model.values(self.name, self.keys[0])
+        value = model.values(self.name, self.keys[0], within=(-self.most, self.most))
         return None if value is None else np.atleast_1d(value)

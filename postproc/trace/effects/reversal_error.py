@@ -147,9 +147,12 @@ class ReversalError(PathEffect):
                 pieces += stage.lift(joint, index, some)
         return Part(stage.lifted(joints), pieces)
 
-    def lost(self, theta: FloatArray) -> FloatArray:
-        """Return half gap and spike."""
-        return np.abs(theta[_HALF]) + np.abs(theta[_SPIKE])
+    def lasting(self, theta: FloatArray) -> FloatArray:
+        """Return the half gaps without the spikes."""
+        stays = theta.copy()
+        stays[_SPIKE] = 0.0
+        stays[_USED] = stays[:12] != 0.0
+        return stays
 
     def widths(self, theta: FloatArray) -> FloatArray:
         """Return a twentieth of a degree; any length and delay is as likely."""
@@ -188,17 +191,17 @@ class ReversalError(PathEffect):
 
     def read(self, model: ModelFile, table: Mapping[str, Any]) -> FloatArray | None:
         """Return the heights of a file."""
-        half = model.values(self.name, "half_gap_deg", (6,))
-        spike = model.values(self.name, "spike_deg", (6,), optional=True)
         theta = np.zeros(_WAY + 1)
-        theta[_HALF] = np.nan_to_num(np.zeros(6) if half is None else half)
-        theta[_SPIKE] = np.nan_to_num(np.zeros(6) if spike is None else spike)
+        theta[_HALF] = np.nan_to_num(model.values(self.name, "half_gap_deg", (6,)))
+        bounds = {"spike_s": (SHORTEST, LONGEST), "delay_ms": (0.0, LATEST)}
+        keys = (("spike_deg", _SPIKE), ("spike_s", _LENGTH), ("delay_ms", _SHIFT))
+        theta[_LENGTH] = LENGTHS[-2]
+        for key, place in (*keys, ("back_deg", _WAY)):
+            shape = (6,) if place is _SPIKE else ()
+            value = model.values(self.name, key, shape, True, bounds.get(key, (-np.inf, np.inf)))
+            theta[place] = theta[place] if value is None else np.nan_to_num(value)
         theta[_USED] = theta[:12] != 0.0
-        kind = table.get("spike_course", KINDS[0])
-        theta[_KIND] = KINDS.index(kind) if kind in KINDS else 0
-        theta[_LENGTH] = np.clip(float(table.get("spike_s", 0.05)), SHORTEST, LONGEST)
-        theta[_SHIFT] = float(table.get("delay_ms", 0.0)) * MS
-        theta[_WAY] = float(table.get("back_deg", 0.0)) * DEG
+        theta[_KIND] = model.choice(self.name, "spike_course", KINDS)
         return theta
 
 

@@ -127,13 +127,14 @@ class ServoLag(PathEffect):
         """Return the times of a file; None for one in seconds, which is of standing poses."""
         if "delay_ms" not in table:
             return None
-        delay = model.values(self.name, "delay_ms", (6,))
-        first, damping = (model.values(self.name, k, (6,), optional=True) for k in self.keys[1:])
+        most = {"delay_ms": (-LONGEST, LONGEST), "time_constant_ms": (0.0, LONGEST)}
         theta = np.zeros((3, 6))
-        theta[0] = np.nan_to_num(np.zeros(6) if delay is None else delay)
-        theta[1] = np.nan_to_num(np.zeros(6) if first is None else first)
+        for row, key in enumerate(most):
+            known = model.values(self.name, key, (6,), row > 0, most[key])
+            theta[row] = 0.0 if known is None else np.nan_to_num(known)
+        damping = model.values(self.name, "loop_damping", (6,), True, (RINGS, np.inf))
         if damping is not None:
-            theta[2] = np.nan_to_num(theta[1] / (2.0 * damping), posinf=0.0) ** 2
+            theta[2] = np.nan_to_num(theta[1] / (2.0 * damping)) ** 2
         return np.asarray(theta.ravel())
 
 

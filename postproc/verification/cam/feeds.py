@@ -13,7 +13,7 @@ from postproc.arrays import AnyIntArray, BoolArray, FloatArray
 from postproc.controller import Blend
 from postproc.errors import RunKind, Severity
 from postproc.paths import feed_shares
-from postproc.process import FEED_OUT, LOWERED_FROM, LOWERED_TO, TAPS, feeds_of
+from postproc.process import FEED_OUT, LEAST_SHARE, LOWERED_FROM, LOWERED_TO, TAPS, feeds_of
 from postproc.units import MM, MM_PER_MIN, PERCENT
 from postproc.verification.cam.drilled import NEAR
 from postproc.verification.cam.match import Match
@@ -40,11 +40,15 @@ def check_feeds(run: Run, match: Match) -> Iterator[Said]:
     taps = np.array([*(cycle.kind in TAPS for cycle in toolpath.cycles), False])
     bad = np.flatnonzero(error > FEED_TOLERANCE)
     share = have[bad] / wanted[bad]
-    forced = _forced(run, motions[bad], share) & ~taps[np.asarray(toolpath.cycle)[rows[bad]]]
-    forced &= share >= run.cell.process.least_feed * (1.0 - FEED_TOLERANCE)
+    may = ~taps[np.asarray(toolpath.cycle)[rows[bad]]]
+    may &= share >= run.cell.process.least_feed * (1.0 - FEED_TOLERANCE)
+    forced = may & _forced(run, motions[bad], share)
+    slowed = may & ~forced & match.may_slow & (share < 1.0)
+    slowed &= share >= LEAST_SHARE * (1.0 - FEED_TOLERANCE)
     for some, severity, why in (
         (bad[forced], Severity.WARNING, ": an axis could not follow"),
-        (bad[~forced], Severity.ERROR, ""),
+        (bad[slowed], Severity.WARNING, ": the real tool would leave its path"),
+        (bad[~forced & ~slowed], Severity.ERROR, ""),
     ):
         for place, more in listed(some, "motions", error):
             text = f"{have[place] / MM_PER_MIN:.2f} mm/min, the CAM file asks for "

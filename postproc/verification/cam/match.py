@@ -95,14 +95,16 @@ class Match:
 
     ``tags``: those that it goes to, ``off`` how near; ``every``: these and the ``passed`` ones;
     ``order``: place in the file of each of them; ``path_tolerance`` [m] beside lines and arcs;
-    ``is_real``: with a model of the arm, of which ``real`` are the paths; ``again``: holes drilled
-    too often; ``ways``, ``holes``, ``uses``: how cuts and holes are run; ``calls``: the process.
+    ``is_real``: with a model of the arm, of which ``real`` are the paths; ``may_slow``: it has
+    effects that a lower feed makes less; ``again``: holes drilled too often; ``ways``, ``holes``,
+    ``uses``: how cuts and holes are run; ``calls``: the process.
     """
 
     cell: Cell
     tolerances: Tolerances
     path_tolerance: float
     is_real: bool
+    may_slow: bool
     real: RealPaths
     tilts: Tilts
     order: IndexArray
@@ -185,6 +187,7 @@ def match_of(
         tolerances=tolerances,
         path_tolerance=path_tolerance,
         is_real=displacement is not None,
+        may_slow=displacement is not None and displacement.along is not None,
         real=real,
         tilts=tilts,
         order=order,
