@@ -98,7 +98,8 @@ class Follower:
         plan = replace(plan, shift_along=np.zeros((len(plan), 3)))
         plain = _Level.of(drive, place, point, plan, doubt)
         levels = [plain]
-        bound, least = self.cell.motion.corner_tolerance, self.cell.process.least_feed
+        # blending may take the other half
+        bound, least = 0.5 * self.cell.motion.corner_tolerance, self.cell.process.least_feed
         move = np.searchsorted(begin, place, "right") - 1
         for shifting in self._answers() if plain.rms[0] >= SETTLED else ():
             share = np.ones(len(plan))

@@ -225,13 +225,12 @@ class ModelFile:
     @property
     def unseen(self) -> dict[str, list[int]]:
         """Keys (``effect.key``) whose number some joints (1..6) lack: the data could not tell."""
-        found = {}
+        found: dict[str, list[int]] = {}
         for effect, table in self.effects.items():
             for key, value in table.items():
                 numbers = _numbers(value)
                 if numbers is not None and numbers.shape[:1] == (len(JOINTS),):
-                    lacks = np.isnan(numbers).reshape(len(JOINTS), -1).any(axis=1)
-                    joints = [joint for joint in JOINTS if lacks[joint - 1]]
+                    joints = [j for j in JOINTS if np.isnan(numbers[j - 1]).any()]
                     found |= {f"{effect}.{key}": joints} if joints else {}
         return found
 

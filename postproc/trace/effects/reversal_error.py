@@ -192,7 +192,7 @@ class ReversalError(PathEffect):
     def read(self, model: ModelFile, table: Mapping[str, Any]) -> FloatArray | None:
         """Return the heights of a file."""
         theta = np.zeros(_WAY + 1)
-        theta[_HALF] = np.nan_to_num(model.values(self.name, "half_gap_deg", (6,)))
+        theta[_HALF] = np.nan_to_num(np.asarray(model.values(self.name, "half_gap_deg", (6,))))
         bounds = {"spike_s": (SHORTEST, LONGEST), "delay_ms": (0.0, LATEST)}
         keys = (("spike_deg", _SPIKE), ("spike_s", _LENGTH), ("delay_ms", _SHIFT))
         theta[_LENGTH] = LENGTHS[-2]
