@@ -28,6 +28,9 @@ _BLOCK = 6000
 """A block of steps of its own costs as much as so many steps."""
 MOST_LISTED = 40_000_000
 """So many steps are listed in all at most: 6 bytes each."""
+MOST_FAILING = 5000
+"""A rung into which so many steps failed has none that leads on: the search gives it up, unproven.
+Five times what any rung needed that had one in the end (``tools.bench ablation``)."""
 _HALF_TURN = np.pi + 1e-9
 
 
@@ -157,6 +160,10 @@ class Graph:
     def forbidden(self) -> dict[int, IndexArray]:
         """Steps (m, 2), state from and state to, that are taken out, by rung."""
         return self._forbidden
+
+    def is_given_up(self, i: int) -> bool:
+        """Return whether so many steps into a rung failed that the search looks no further."""
+        return len(self._forbidden.get(i, ())) >= MOST_FAILING
 
     def listed(self, i: int) -> Listed | None:
         """Return the steps into a rung where its chain may do but few; None elsewhere."""

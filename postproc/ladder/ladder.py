@@ -321,7 +321,9 @@ class Ladder(Graph):
         low, high = int(self.offsets[i]), int(self.offsets[i + 1])
         old = self.value[low:high].copy()
         value = None
-        if self._is_swept(i):
+        if self.is_given_up(i):
+            self.broken[i], value = True, self.cost[low:high].copy()
+        elif self._is_swept(i):
             value = self._swept(i, low, high)
         elif self._solved and i and (listed := self.listed(i)) is not None:
             value = self._from_list(i, listed)

@@ -69,3 +69,23 @@ def test_failing_steps_are_avoided(seed):
         assert ladder.total(found.path) == pytest.approx(best.min(), abs=1e-9)
     else:
         assert ladder.broken[1:].any()
+
+
+def test_a_rung_into_which_too_many_steps_fail_is_given_up(monkeypatch):
+    """All steps into one rung fail: so many are tried, and no more."""
+    monkeypatch.setattr("postproc.ladder.graph.MOST_FAILING", 10)
+    rng = np.random.default_rng(4)
+    ladder = random_ladder(rng, rungs=4, most=9, dead=0.0, chain=0.0, least=8)
+    tried = []
+
+    def check(before, after):
+        into = ladder.rung_of(after) == 2
+        tried.extend(after[into].tolist())
+        return ~into
+
+    found = free_path(ladder, lambda s: np.ones(len(s), bool), check)
+    assert len(tried) == 10
+    assert ladder.is_given_up(2)
+    assert ladder.broken[2]
+    assert not ladder.broken[[1, 3]].any()
+    assert (found.path != NONE).all()

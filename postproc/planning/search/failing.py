@@ -215,6 +215,8 @@ def break_at(search: PoseSearch, row: int) -> Break:
     before = before[np.isfinite(search.ladder.value[before])]
     before = before[np.unique(np.linspace(0, len(before) - 1, _MOST).astype(np.int64))]
     m = len(before)
+    if search.ladder.is_given_up(row):  # others may lead on: nothing is proven
+        return Break(m, {}, -1, 0.0, 0, 0.0)
     on_the_way = np.arange(int(search.tags[row - 1]) + 1, int(search.tags[row]) + 1)
     why = Reason(int(search.between.infeasible[on_the_way].max()))
     if m and why is not Reason.NONE:  # such a way may be endless
