@@ -13,7 +13,7 @@ from postproc.errors import Finding, PlanError, Severity
 from postproc.model import CUTS, Plan, ToolPath
 from postproc.planning.job import Job, problem_of
 from postproc.planning.repairs import Level
-from postproc.planning.repeats import with_repeats
+from postproc.planning.retracts import with_repeats
 from postproc.planning.search import ordered, ordered_by_place
 from postproc.planning.solve import Planned, repaired, with_tried
 from postproc.planning.states import PlanOptions, Settings, settle

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from postproc.planning.route.blends import evened
+from postproc.planning.route.corners import evened
 
 MM = 1e-3
 

@@ -13,8 +13,7 @@ from postproc.planning.checks.feasible import Checker
 from postproc.planning.job import problem_of
 from postproc.planning.route import connect, tree
 from postproc.planning.route.connect import Ends, detours, free_way
-from postproc.planning.route.fold import folded_ways
-from postproc.planning.route.tree import ROUNDS, rrt_connect
+from postproc.planning.route.tree import ROUNDS, folded_ways, rrt_connect
 from postproc.planning.states.settings import (
     PlanOptions,
     settle,

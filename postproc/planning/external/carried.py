@@ -15,8 +15,7 @@ import numpy as np
 from postproc.arrays import ROUNDING, FloatArray
 from postproc.model import MoveRole, Plan
 from postproc.planning.external.positions import Positions, Run, run_of
-from postproc.planning.external.rating import UNREACHED, Rating
-from postproc.planning.external.sequence import AWAY, carrying
+from postproc.planning.external.rating import AWAY, UNREACHED, Rating, carrying
 from postproc.planning.search import arc_length
 from postproc.planning.states import Weights
 from postproc.records import dataclass

@@ -13,8 +13,17 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.model import Plan
-from postproc.planning.external.rating import BLOCKED, KNOT, UNREACHED, Rating
-from postproc.planning.external.sequence import AWAY, Row, carrying, cheapest, moving_rows
+from postproc.planning.external.rating import (
+    AWAY,
+    BLOCKED,
+    KNOT,
+    UNREACHED,
+    Rating,
+    Row,
+    carrying,
+    cheapest,
+    moving_rows,
+)
 from postproc.process import AXIS_SHARE
 from postproc.records import dataclass
 

@@ -19,7 +19,7 @@ from postproc.cell import Cell
 from postproc.model import Plan
 from postproc.planning.checks import Checker, Grade, Reason, grades, moves_of_tags
 from postproc.planning.job import checker_of
-from postproc.planning.maps.tags import at_places
+from postproc.planning.maps.plan_maps import at_places
 from postproc.planning.states import (
     Placement,
     PlanOptions,

@@ -14,8 +14,7 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray, Table
 from postproc.planning.checks import Checker, Lines, Reason
-from postproc.planning.route.fold import folded_ways, way_times
-from postproc.planning.route.tree import ROUNDS, rrt_connect, seem_free
+from postproc.planning.route.tree import ROUNDS, folded_ways, rrt_connect, seem_free, way_times
 from postproc.records import dataclass
 from postproc.units import MM
 

@@ -24,10 +24,9 @@ from postproc.planning.route.connect import (
     way_up,
     why_stuck,
 )
-from postproc.planning.route.cuts import cut_moves
-from postproc.planning.route.drill import ARRIVE, LEAVE, hole_moves, step_rows
 from postproc.planning.route.speeds import Timed, can_be_told, followed_speeds, timed
 from postproc.planning.route.thin import Left, corner_tolerances, thinned
+from postproc.planning.route.working import ARRIVE, LEAVE, cut_moves, hole_moves, step_rows
 from postproc.planning.states import Chosen, Moves, Problem, in_order, moves
 from postproc.process import feeds_out, hole_steps, on_the_way_out
 from postproc.records import dataclass

@@ -21,9 +21,8 @@ from postproc.planning.checks import (
     failure,
     poses_between,
 )
-from postproc.planning.route.blends import headings, wished_blends
-from postproc.planning.route.corners import lowered_blends
-from postproc.planning.route.drill import LEAVE
+from postproc.planning.route.corners import headings, lowered_blends, wished_blends
+from postproc.planning.route.working import LEAVE
 from postproc.planning.states import Moves, Problem
 from postproc.process import AXIS_SHARE, TAPS, least_feeds, machining_speeds
 from postproc.records import dataclass

@@ -22,8 +22,8 @@ from postproc.arrays import TINY, BoolArray, FloatArray, IndexArray, numbered
 from postproc.geometry import angle_between, axis_angle, rotation_about, rotation_angle
 from postproc.model import MoveKind, MoveRole
 from postproc.planning.checks import Checker, Lines
-from postproc.planning.route.drill import DOWN
 from postproc.planning.route.speeds import is_too_fast
+from postproc.planning.route.working import DOWN
 from postproc.process import may_be_passed
 from postproc.records import dataclass
 from postproc.units import DEG, MM

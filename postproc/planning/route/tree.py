@@ -14,7 +14,10 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import ROUNDING, BoolArray, FloatArray, IndexArray, numbered
+from postproc.paths import joint_times
 from postproc.planning.checks import Checker
+from postproc.planning.states import Problem
+from postproc.units import DEG
 
 ROUNDS = 60
 """How often a tree grows at most."""
@@ -37,6 +40,8 @@ _PROVEN = 2
 """So many ways, the shortest, are to be proven at once."""
 _TRIES = 4
 """So often in a round, at most."""
+_FOLDS = np.array([(20.0, 20.0), (40.0, 20.0)]) * DEG
+"""By how much A2 swings back and A3 down [rad]."""
 
 
 def seem_free(
@@ -246,3 +251,35 @@ def _fewest(way: FloatArray, a: IndexArray, b: IndexArray) -> list[int]:
     while kept[-1] > 0:
         kept.append(before[kept[-1]])
     return kept[::-1]
+
+
+def folded_ways(problem: Problem, start: FloatArray, goal: FloatArray) -> FloatArray:
+    """Return two points (w, m, 2, 6) [rad] of ways between ends (m, 6), the quickest ones first.
+
+    A2 swings the upper arm back and A3 keeps the forearm about level, as far as limits let them;
+    overhead the other way. Half way, near one end, where both points are the same, or near both.
+    """
+    margin = problem.cell.limits.joint_margin
+    least = np.asarray(problem.kinematics.q_min) + margin
+    most = np.asarray(problem.kinematics.q_max) - margin
+    middle = 0.5 * (start + goal)
+    near = [(middle, middle), (start, start), (goal, goal), (start, goal)] * len(_FOLDS)
+    points = np.stack([np.stack(pair, axis=1) for pair in near])
+    back = np.where(problem.kinematics.branches.reach(points) < 0.0, 1.0, -1.0)
+    fold = np.repeat(_FOLDS, len(near) // len(_FOLDS), axis=0)
+    folded = points.copy()
+    folded[..., 1] += back * fold[:, :1, None]
+    folded[..., 2] -= back * fold[:, 1:, None]
+    folded = np.clip(folded, np.minimum(least, points), np.maximum(most, points))
+    ends = np.broadcast_to(np.stack([start, goal], axis=1), folded.shape)
+    stops = np.concatenate([ends[:, :, :1], folded, ends[:, :, 1:]], axis=2)
+    order = np.argsort(way_times(problem, stops), axis=0, kind="stable")
+    return np.asarray(np.take_along_axis(folded, order[:, :, None, None], axis=0))
+
+
+def way_times(problem: Problem, stops: FloatArray) -> FloatArray:
+    """Return the time (...) [s] of ways by joint moves from stop to stop (..., n, 6) [rad]."""
+    start, end = stops[..., :-1, :], stops[..., 1:, :]
+    share = problem.cell.motion.rapid
+    time = joint_times(problem.cell, share, start.reshape(-1, 6), end.reshape(-1, 6))
+    return np.asarray(time.reshape(start.shape[:-1]).sum(axis=-1))

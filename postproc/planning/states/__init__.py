@@ -1,6 +1,6 @@
 """Which robot states serve a tag and what each costs."""
 
-from postproc.planning.states.candidates import BRANCHES, States, sample
+from postproc.planning.states.candidates import BRANCHES, States, merged, sample, sample_on
 from postproc.planning.states.costs import (
     OBJECTIVES,
     TRAVEL,
@@ -9,7 +9,6 @@ from postproc.planning.states.costs import (
     StateContext,
     Weights,
 )
-from postproc.planning.states.merge import merged, sample_on
 from postproc.planning.states.moves import Chosen, Moves, in_order, moves
 from postproc.planning.states.place import (
     NO_POSE,
@@ -23,11 +22,12 @@ from postproc.planning.states.place import (
     spin_values,
     stand_ins,
 )
-from postproc.planning.states.postures import Postures, postures
+from postproc.planning.states.postures import Postures, StrokeEnds, postures
 from postproc.planning.states.pricing import context_of, evaluate, strokes_into, take_joints
 from postproc.planning.states.problem import (
     HELD,
     Problem,
+    Strokes,
     path_normals,
     stiffness_of,
 )
@@ -36,8 +36,6 @@ from postproc.planning.states.settings import (
     Settings,
     settle,
 )
-from postproc.planning.states.stroke import Strokes
-from postproc.planning.states.stroke_ends import StrokeEnds
 from postproc.planning.states.tilt import (
     BETWEEN,
     REENTRY,

@@ -1,4 +1,4 @@
-"""The planning problem: one toolpath in one cell, and the poses it asks for."""
+"""The planning problem: one toolpath in one cell, the poses and strokes it asks for."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from postproc.kinematics import Kinematics, wrist_distance
 from postproc.model import CUTS, WORKING, MotionKind, ToolPath
 from postproc.planning.states.place import Placement, cross_axes, finer_spins, rounded_spin
 from postproc.planning.states.settings import Settings
-from postproc.planning.states.stroke import Strokes, strokes_of
 from postproc.planning.states.tilt import UPRIGHT, cut_into, entered_anew
 from postproc.process import (
     back_off,
@@ -272,3 +271,43 @@ def path_normals(toolpath: ToolPath, placement: Placement) -> FloatArray:
     normal = np.where(size > ROUNDING, across / np.maximum(size, ROUNDING), stand_in)
     R_robroot_base = placement.base(placement.external)[..., :3, :3]
     return np.asarray(normal[:, None] @ np.swapaxes(R_robroot_base, -1, -2))[:, 0]
+
+
+@dataclass(frozen=True, slots=True)
+class Strokes:
+    """Heights above the tag along the tool axis, (n,) [m]; 0 for tags without a stroke.
+
+    ``top``: where the tool arrives and leaves; ``clear``: where the feed starts; ``depth``: how
+    far below the tag the tip goes.
+    """
+
+    is_stroke: BoolArray
+    top: FloatArray
+    clear: FloatArray
+    depth: FloatArray
+
+    def levels(self, tags: IndexArray) -> list[FloatArray]:
+        """Return the heights (m,) [m] at which strokes of tags (m,) end, but for the tag's own."""
+        found: list[FloatArray] = []
+        for height in (self.top[tags], self.clear[tags], -self.depth[tags]):
+            if height.any() and not any(np.array_equal(height, known) for known in found):
+                found.append(height)
+        return found
+
+
+def strokes_of(toolpath: ToolPath, approach: float) -> Strokes:
+    """Return the strokes of a toolpath.
+
+    A hole takes them from its cycle: the tool arrives at the higher of clearance and retract
+    height. A hole without a cycle (a point of a list without a depth) is a point to touch: the
+    tool comes down from ``approach`` [m] above it and goes back there.
+    """
+    n = len(toolpath)
+    is_stroke = np.asarray(toolpath.kind) == MotionKind.HOLE
+    heights = np.zeros((len(toolpath.cycles) + 1, 3))
+    for i, cycle in enumerate(toolpath.cycles):
+        heights[i] = max(cycle.clearance, cycle.retract), cycle.clearance, cycle.depth
+    heights[-1] = approach, approach, 0.0
+    rows = heights[np.asarray(toolpath.cycle)] if n else np.zeros((0, 3))
+    rows = np.where(is_stroke[:, None], rows, 0.0)
+    return Strokes(is_stroke, rows[:, 0], rows[:, 1], rows[:, 2])
