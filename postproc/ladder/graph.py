@@ -73,6 +73,9 @@ class Joins(Protocol):
     def barred(self, i: int, before: IndexArray, now: IndexArray) -> BoolArray | None:
         """Return (now, before) which steps of joined classes may not be done; None: all may."""
 
+    def changed(self, rungs: IndexArray) -> None:
+        """Take note that states of rungs (m,) were taken out."""
+
     def is_lasting(self, i: int) -> bool:
         """Return whether what may be joined at rung ``i`` is never asked anew: it stays."""
 

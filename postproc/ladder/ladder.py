@@ -193,6 +193,7 @@ class Ladder(Graph):
         self.cost[states] = np.inf
         rungs = members(self.rung_of(np.asarray(states)), len(self))
         if self.joins is not None:  # less may be joined behind them as well
+            self.joins.changed(rungs)
             behind = rungs[rungs + 1 < len(self)] + 1
             rungs = np.union1d(rungs, behind[self.rule[behind] == CHAIN])
         self._repair(rungs)

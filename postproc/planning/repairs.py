@@ -23,8 +23,11 @@ from postproc.planning.search import (
     WRIST,
     Parted,
     changes_of,
+    grown,
     loss_of,
     main_spins,
+    with_gaps,
+    with_options,
 )
 from postproc.planning.states import tilt_grid
 
@@ -56,7 +59,15 @@ class Repair(NamedTuple):
 
 
 def _turn_faster(attempt: Attempt) -> bool:
-    return attempt.search.allow_fast_turns(attempt.found)
+    """Let cuts without a way turn the tool as fast as it takes."""
+    search, joins = attempt.search, attempt.search.joins
+    chain = np.cumsum(~search.between.is_cut)[search.tags]
+    rungs = np.isin(chain, chain[search.broken(attempt.found)]) & (joins.turn < np.pi)
+    if search.failing.wanted or not rungs.any():
+        return False
+    search.fast_turns[rungs], joins.turn[rungs] = True, np.pi
+    search.ladder.renew(np.flatnonzero(rungs))
+    return True
 
 
 def _look_closer(attempt: Attempt) -> bool:
@@ -65,7 +76,7 @@ def _look_closer(attempt: Attempt) -> bool:
     if not len(tags):
         return False
     attempt.clock.step(min(len(search.tags), n - 1), n, "search")
-    search.grow(tags, stride)
+    attempt.search = grown(search, tags, stride)
     return True
 
 
@@ -73,7 +84,7 @@ def _roll_less(attempt: Attempt) -> bool:
     main = main_spins(attempt.search, attempt.found)
     if main is None:
         return False
-    attempt.search.keep_spin(main)
+    attempt.search = with_options(attempt.search, replace(attempt.search.options, main=main))
     return True
 
 
@@ -81,8 +92,10 @@ def _keep_posture(attempt: Attempt) -> bool:
     search, chosen = attempt.search, attempt.chosen
     for bits in (ARM, WRIST):
         changes = changes_of(bits, chosen)
-        if not search.options.steady & bits and not has_ways(search.checker, chosen, changes):
-            search.keep(bits)
+        steady = search.options.steady
+        if not steady & bits and not has_ways(search.checker, chosen, changes):
+            options = replace(search.options, steady=steady | bits)
+            attempt.search = with_options(search, options)
             return True
     return False
 
@@ -95,7 +108,7 @@ def _lose_less(attempt: Attempt) -> bool:
     more = bound.more_keys(is_key, loss_of(problem, attempt.chosen, bound.best))
     if not len(more):
         return False
-    search.grow(more, np.full(len(more), problem.fine))
+    attempt.search = grown(search, more, np.full(len(more), problem.fine))
     return True
 
 
@@ -120,8 +133,11 @@ def _avoid_gap(attempt: Attempt) -> bool:
         return np.asarray(q[np.append(tag, joined)])
 
     gaps = [Parted.by(side(gap.before), side(gap.behind)) for gap in routed.gaps]
-    if not attempt.search.part(gaps):
+    options = attempt.search.options
+    parted = with_gaps(options.parted, gaps)
+    if len(parted) == len(options.parted):
         return False
+    attempt.search = with_options(attempt.search, replace(options, parted=parted))
     attempt.begin()
     return True
 

@@ -155,6 +155,9 @@ class SomeSteps:
     def barred(self, i, before, now):
         return ~self.may[now][:, before]
 
+    def changed(self, rungs):
+        pass
+
     def is_lasting(self, i):
         return self.listed
 

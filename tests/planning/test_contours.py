@@ -13,7 +13,7 @@ from postproc.planning.external.positions import cubic, slopes
 from postproc.planning.job import checker_of
 from postproc.planning.planner import plan
 from postproc.planning.search.keytags import dense_key_tags
-from postproc.planning.search.pose_search import PoseSearch
+from postproc.planning.search.pose_search import PoseSearch, grown
 from postproc.planning.states import PlanOptions, settle
 from postproc.units import DEG
 from tools.bench.contours import (
@@ -81,10 +81,10 @@ def test_repaired_values_are_those_of_a_search_from_scratch():
     search = PoseSearch.of(checker, np.flatnonzero(dense_key_tags(checker.problem)))
     search.run()
     for tag in (200, 633, 634, 1120):
-        search.grow(np.array([tag]), np.array([search.checker.problem.fine]))
+        search = grown(search, np.array([tag]), np.array([search.checker.problem.fine]))
         search.run()
     search.ladder.settle()
-    fresh, runs = copy(search.ladder), search.bridges
+    fresh, runs = copy(search.ladder), search.joins
     fresh.__post_init__()
     fresh.joins = replace(runs)
     fresh.solve()
@@ -100,8 +100,7 @@ def test_cuts_found_good_before_another_into_the_same_state_are_run():
     search = PoseSearch.of(checker, np.flatnonzero(dense_key_tags(checker.problem)))
     found = search.run()
     known = search.chosen(found)
-    search.passed = np.roll(search.passed, 1)
-    again = search.chosen(found)
+    again = replace(search, passed=np.roll(search.passed, 1)).chosen(found)
     assert known.good.all()
     assert again.good.all()
     assert np.array_equal(known.q, again.q)

@@ -13,10 +13,10 @@ from postproc.model import MotionKind
 from postproc.planning.job import checker_of
 from postproc.planning.planner import plan
 from postproc.planning.search.keytags import dense_key_tags
-from postproc.planning.search.pose_search import PoseSearch
+from postproc.planning.search.pose_search import PoseSearch, with_options
 from postproc.planning.search.prices import ROLL_PRICE
 from postproc.planning.search.roll import main_spins
-from postproc.planning.search.rungs import STEADY_BAND, SearchOptions
+from postproc.planning.search.rungs import STEADY_BAND, SearchOptions, shares
 from postproc.planning.states import PlanOptions, settle
 from postproc.units import DEG, MM
 from tools.bench.contours import contour, random_case
@@ -97,7 +97,7 @@ def test_what_rolls_off_the_main_spin_gains_its_price(seed):
     search, found = searched(seed)
     main = main_spins(search, found)
     assert main is not None
-    search.keep_spin(main)
+    search = with_options(search, SearchOptions(main=main))
     found = search.run()
     assert main_spins(search, found) is None
     steady = PoseSearch.of(search.checker, search.tags)
@@ -108,12 +108,13 @@ def test_what_rolls_off_the_main_spin_gains_its_price(seed):
     steady.ladder.cost[np.minimum(off, 2 * np.pi - off) > STEADY_BAND + 1e-9] = np.inf
     known = steady.run()
     assert not steady.ladder.broken[1:].any()
-    concerned = float(search.share[rolled(search, found.path, main)].sum())
+    share = shares(search.between, search.tags)
+    concerned = float(share[rolled(search, found.path, main)].sum())
     own = search.ladder.total(found.path) - ROLL_PRICE * concerned
     assert steady.ladder.total(known.path) - own >= ROLL_PRICE * concerned - 1e-6
 
 
 def test_where_every_tag_is_to_stand_at_its_best_it_may_roll():
     search, found = searched(751003)
-    search.options = SearchOptions(each=True)
+    search = replace(search, options=SearchOptions(each=True))
     assert main_spins(search, found) is None

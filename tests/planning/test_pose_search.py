@@ -13,7 +13,8 @@ from postproc.geometry import rotation_from_abc, transform
 from postproc.model.toolpath import Cycle, MotionKind
 from postproc.planning.checks.feasible import Checker
 from postproc.planning.job import problem_of
-from postproc.planning.search.pose_search import PoseSearch, _within, travel
+from postproc.planning.search.failing import _within, also_colliding
+from postproc.planning.search.pose_search import PoseSearch, travel
 from postproc.planning.solve import solve
 from postproc.planning.states import TRAVEL_UNIT, evaluate
 from postproc.planning.states.settings import (
@@ -113,7 +114,7 @@ def test_what_fails_beside_a_pose_collides_and_the_wrist_turned_over_is_among_it
         for one in np.flatnonzero(hits)[:: max(1, hits.sum() // 4)].tolist():
             search = PoseSearch.of(checker, np.arange(5))
             assert not search.check_states(np.array([one])).any()
-            gone = search.beside(np.array([one]))
+            gone = also_colliding(search, np.array([one]))
             assert hits[gone].all()
             over = hits & (key == [*key[one, :2], key[one, 2] ^ 4]).all(axis=1)
             assert np.isin(np.flatnonzero(over), gone).all()

@@ -9,13 +9,13 @@ from postproc.cell.file import load_cell
 from postproc.collision.scene import Scene
 from postproc.kinematics import build
 from postproc.model import MotionKind, MoveKind
-from postproc.planning import attempt, solve
+from postproc.planning import attempt, repairs, solve
 from postproc.planning.checks import Reason, failure
 from postproc.planning.job import checker_of
 from postproc.planning.planner import plan
 from postproc.planning.route import Gap
-from postproc.planning.search.pose_search import PoseSearch
-from postproc.planning.search.rungs import Parted, beside
+from postproc.planning.search.pose_search import PoseSearch, with_options
+from postproc.planning.search.rungs import Parted, SearchOptions, beside, with_gaps
 from postproc.planning.states.settings import (
     PlanOptions,
     settle,
@@ -151,7 +151,8 @@ def test_the_poses_with_the_fewest_gaps_count(checker, monkeypatch):
 
 
 def test_fewer_gaps_each_time_end_as_well(checker, monkeypatch):
-    monkeypatch.setattr(PoseSearch, "part", lambda *_: True)
+    nowhere = Parted(np.full((1, 6), 99.0), np.full((1, 6), -99.0))
+    monkeypatch.setattr(repairs, "with_gaps", lambda known, _: (*known, nowhere))
     few = lambda turn, chosen: [(0, 1)] * (30 - turn)  # noqa: E731
     seen = routed_as(monkeypatch, few)
     routed = solve.solve(checker, Clock("place"), partial=False, goes_on=False).made.routed
@@ -169,8 +170,10 @@ def test_no_step_leads_across_a_gap_where_another_can_be_run(checker):
     search = PoseSearch.of(checker, np.arange(6))
     q = search.states.q[search.run().path].astype(np.float64)
     gap = Parted.by(q[[2]], q[[3]])
-    assert search.part([gap])
-    assert not search.part([Parted(*gap[::-1])])
+    parted = with_gaps((), [gap])
+    assert parted == (gap,)
+    assert with_gaps(parted, [Parted(*gap[::-1])]) == parted
+    search = with_options(search, SearchOptions(parted=parted))
     path = search.run().path
     again = search.states.q[path].astype(np.float64)
     sides = beside(gap, again)
@@ -183,10 +186,9 @@ def test_gaps_of_both_kinds_are_known_in_any_order(checker):
     at = np.radians([[0.0, -90.0, 90.0, 0.0, 45.0, 0.0]])
     alike = Parted.by(at, at + np.radians([0, 0, 0, 170, 0, 0]))
     apart = Parted.by(at, at + np.radians([60, 0, 0, 0, 0, 0]))
-    search = PoseSearch.of(checker, np.arange(6))
-    assert search.part([alike, apart])
-    assert len(search.options.parted) == 2
-    assert not search.part([apart, alike])
+    parted = with_gaps((), [alike, apart])
+    assert len(parted) == 2
+    assert len(with_gaps(parted, [apart, alike])) == 2
 
 
 def test_none_is_near_to_both_sides_of_a_gap():

@@ -52,7 +52,6 @@ T = TypeVar("T")
 Found = Any
 """What a process that ended says."""
 SEARCH, ROUTE = "postproc.planning.search.", "postproc.planning.route."
-POSES = SEARCH + "pose_search.PoseSearch"
 
 
 def _nothing(*_: object, **__: object) -> list[Any]:
@@ -90,8 +89,8 @@ OFF: dict[str, tuple[Switch, ...]] = {
     "infeasible": (
         (SEARCH + "between", "infeasible", lambda problem, way: np.zeros(len(problem), int)),
     ),
-    "beside": ((POSES, "_around", lambda self, states, *a: (states[:0], states[:0])),),
-    "far along": ((SEARCH + "pose_search", "_ALONG", 1),),
+    "beside": ((SEARCH + "failing", "_around", lambda search, at: (at[:0], at[:0])),),
+    "far along": ((SEARCH + "failing", "_ALONG", 1),),
     "taken out": (
         (
             SEARCH + "failing.FailingCuts",

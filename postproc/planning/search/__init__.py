@@ -18,7 +18,7 @@ from postproc.planning.search.loss import (
     loss_of,
     loss_report,
 )
-from postproc.planning.search.pose_search import PoseSearch, travel
+from postproc.planning.search.pose_search import PoseSearch, grown, travel, with_options
 from postproc.planning.search.prices import TIE_TRAVEL
 from postproc.planning.search.refinement import Refinement
 from postproc.planning.search.roll import main_spins, without_roll
@@ -30,5 +30,6 @@ from postproc.planning.search.rungs import (
     SearchOptions,
     changes_of,
     step_rules,
+    with_gaps,
 )
 from postproc.planning.search.sequence import ordered, ordered_by_place

@@ -35,7 +35,7 @@ class Bridges:
 
     ``stride`` (n,) of the spins of each tag; ``closed``: the first spin follows the last;
     ``loose`` (n,): tags into which any step of a branch may lead that turns the tool against
-    ``carried`` (n,) [rad] by no more than ``turn`` (n,) [rad].
+    ``carried`` (n,) [rad] by no more than ``turn`` (n,) [rad], half a turn where any will do.
     """
 
     states: States
@@ -97,7 +97,7 @@ class Bridges:
             before: (b,) states of the rung before.
             now: (m,) states of this one.
         """
-        if not self.loose[i] or self.turn[i] >= np.pi:
+        if self.turn[i] >= np.pi:
             return None
         twist = self.states.spin_of(now) + self.carried[i] - self.carried[i - 1]
         turn = twist[:, None] - self.states.spin_of(before)[None]

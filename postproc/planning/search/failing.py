@@ -1,7 +1,8 @@
-"""Steps and cuts that fail: which others to look at, what is taken out, and why none leads on.
+"""Poses, steps and cuts that fail: which others to look at, what is taken out, why none leads on.
 
-A step that meets something mostly has neighbours that meet it as well. Were each of them left to
-the search it would try one after the other, and between two tags there are hundreds of thousands.
+A pose that collides mostly has neighbours that collide as well, and so has a step. Were each of
+them left to the search it would try one after the other, and between two tags there are hundreds of
+thousands of steps.
 
 The best way along an obstacle turns the tool no earlier than it must. Between two key tags that is
 mostly too late for some of the tags inside; turned one key tag earlier it costs next to nothing. So
@@ -14,16 +15,18 @@ every turn was refuted, what stops the tool without one is what a person can cha
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from postproc.arrays import TINY, BoolArray, FloatArray, IndexArray
+from postproc.arrays import TINY, BoolArray, FloatArray, IndexArray, numbered
 from postproc.ladder import Failing, Steps
 from postproc.planning.checks import Break, Reason
 from postproc.planning.search.between import Interpolation
 from postproc.planning.search.cuts import Judged, Spans, judge
+from postproc.planning.states import BRANCHES, States, beside_in_grid
 from postproc.records import dataclass
 from postproc.units import TURN
 
@@ -50,19 +53,30 @@ _TRIES, _NEAR = 8, 0.06
 _MOST = 1000
 """So many poses at most are carried on."""
 
+SEEN = 2
+"""The bit of ``PoseSearch.asked`` for poses of which it is known whether they collide."""
+_ALONG = 4
+"""So many tags along from a colliding pose are checked, and one spin to each side of it: a round of
+the search costs more than the poses that a narrow rim finds later, a wide rim of free ones too."""
+_FLIP = 4
+"""The bit of a branch that turns the wrist over: the arm before it and the tool stand alike."""
+
 
 @dataclass(slots=True)
 class FailingCuts:
-    """Cuts between key tags that failed inside.
+    """Steps that failed, and cuts between key tags that failed inside.
 
     ``longest`` [m]: no longer ones are taken out. ``wanted``: tags that would have to be key tags
-    for a cut to be run; ``places`` [m]: where cuts were taken out.
+    for a cut to be run; ``places`` [m]: where cuts were taken out. ``times``: how often steps into
+    a tag failed; ``looked_at``: numbers of those that were looked at along with them.
     """
 
     between: Interpolation
     longest: float = SHORT
     wanted: set[int] = field(default_factory=set)
     places: list[float] = field(default_factory=list)
+    times: Counter[int] = field(default_factory=Counter)
+    looked_at: dict[int, IndexArray] = field(default_factory=dict)
 
     def taken_out(self, spans: Spans, judged: Judged) -> BoolArray:
         """Return which of spans (m,) that fail are to be taken out; notes what others want."""
@@ -106,14 +120,15 @@ def also_failing(search: PoseSearch, steps: Steps, failing_of: Failing) -> Steps
         tag = int(search.tags[rung])
         if tag - search.tags[rung - 1] > 1:
             continue
-        search.failed_into[tag] = search.failed_into.get(tag, 0) + 1
-        if search.failed_into[tag] == 1:
+        search.failing.times[tag] += 1
+        times, looked_at = search.failing.times[tag], search.failing.looked_at.get(tag, ())
+        if times == 1:
             pairs = _beside(search, rung, a, b)
-        elif search.failed_into[tag] == 2 or search.failed_into[tag] % _OFTEN == 0:
-            pairs = search.ladder.cheapest(rung, _MANY + len(search.looked_at.get(tag, ())))
+        elif times == 2 or times % _OFTEN == 0:
+            pairs = search.ladder.cheapest(rung, _MANY + len(looked_at))
         else:
             pairs = _alike(search, rung, a, b)
-        pairs = pairs[~np.isin(_codes(search, pairs), search.looked_at.get(tag, ()))]
+        pairs = pairs[~np.isin(_codes(search, pairs), looked_at)]
         length = float(np.diff(search.between.way[[tag - 1, tag]])[0])
         count = int(min(_MANY, max(_LEAST, _SWEPT / max(length, TINY))))
         suspects.append(_Suspects(tag, pairs[:_MANY], count))
@@ -178,8 +193,8 @@ def _alike(search: PoseSearch, rung: int, a: int, b: int) -> IndexArray:
 
 def _note(search: PoseSearch, tag: int, steps: IndexArray) -> None:
     """Note that steps (k, 2) to a tag were looked at."""
-    known = search.looked_at.get(tag, np.zeros(0, dtype=np.int64))
-    search.looked_at[tag] = np.concatenate([known, _codes(search, steps)])
+    known = search.failing.looked_at.get(tag, np.zeros(0, dtype=np.int64))
+    search.failing.looked_at[tag] = np.concatenate([known, _codes(search, steps)])
 
 
 def _as_steps(pairs: IndexArray) -> Steps:
@@ -266,3 +281,105 @@ def _over(search: PoseSearch, q: FloatArray) -> tuple[float, int]:
         return 0.0, 0
     least = int(np.argmin(beyond.max(axis=1)))
     return float(beyond[least].max()), int(np.argmax(beyond[least]))
+
+
+def also_colliding(search: PoseSearch, failing: IndexArray) -> IndexArray:
+    """Return states that fail along with others: their turn copies, and colliding neighbours.
+
+    From every failing pose the check spreads over the poses around it (spin and tag, wrist turned
+    over), without their strokes, until it has found the whole colliding region and its rim: the
+    next best way would mostly run into the next pose of the same region.
+    """
+    states, reason = search.states, search.reason
+    found = [failing[reason[failing] == Reason.COLLISION]]
+    front = failing
+    while len(front):
+        poses, likely = _around(search, front)
+        fresh = search.asked[poses] & SEEN == 0
+        poses, likely = poses[fresh], likely[fresh]
+        search.asked[poses] |= SEEN
+        tags, q = search.tags[states.tag_of(poses)], states.q[poses].astype(np.float64)
+        verdict = search.checker.poses(tags, q, likely)
+        fails = ~verdict.good
+        front = poses[fails]
+        reason[front], search.pair[front] = verdict.reason[fails], verdict.pair[fails]
+        found.append(front)
+    return _copies(search, np.concatenate(found))
+
+
+def first_copies(states: States, at: IndexArray) -> IndexArray:
+    """Return the first (m,) of the turn copies of states (m,)."""
+    return np.asarray(np.searchsorted(states.config, states.config[at]))
+
+
+def _copies(search: PoseSearch, at: IndexArray) -> IndexArray:
+    """Return the turn copies of colliding states, with the reason noted for each."""
+    config, first = search.states.config, first_copies(search.states, at)
+    row, step = numbered(np.searchsorted(config, config[at], side="right") - first)
+    copies = first[row] + step
+    search.reason[copies] = Reason.COLLISION
+    search.pair[copies] = search.pair[at[row]]
+    return np.asarray(copies)
+
+
+def _around(search: PoseSearch, at: IndexArray) -> tuple[IndexArray, IndexArray]:
+    """Return one state (k,) of every configuration near to states, and by what one collides.
+
+    Those of the same branch and tilt one spin and tag away, and of the same spin some tags away;
+    those of the tilts next to it, and that with the wrist turned over.
+    """
+    states, fine = search.states, search.checker.problem.fine
+    width, n = states.spins.shape[-1], len(states)
+    own, tag = states.column[at].astype(np.int64), states.tag_of(at)
+    branch, pair = states.branch[at].astype(np.int64), search.pair[at] + np.int64(1)
+    tilt, spin = np.divmod(own, width)
+    row, rung = _within(own * BRANCHES + branch, tag, _ALONG, n)
+    near, by = [_place(states, rung, own[row], branch[row])], [pair[row]]
+    along, around = np.tile([-1, 0, 1], 2), np.repeat([-1, 1], 3)
+    rung = tag[:, None] + along
+    column = tilt[:, None] * width + (spin[:, None] + fine * around) % width
+    inside = (rung >= 0) & (rung < n)
+    near.append(_place(states, rung, column, branch[:, None])[inside])
+    by.append(np.broadcast_to(pair[:, None], inside.shape)[inside])
+    near.append(_place(states, tag, own, branch ^ _FLIP))
+    by.append(pair)
+    which, other = np.nonzero(beside_in_grid(states.tilts)[tilt])
+    near.append(_place(states, tag[which], other * width + spin[which], branch[which]))
+    by.append(pair[which])
+    kinds = int(pair.max(initial=0)) + 1
+    both = np.sort(np.concatenate(near) * kinds + np.concatenate(by))
+    wanted, likely = np.divmod(both, kinds)
+    last = np.append(wanted[1:] != wanted[:-1], True)
+    wanted, likely = wanted[last], likely[last] - 1
+    found = np.minimum(np.searchsorted(search.places, wanted), len(search.places) - 1)
+    known = search.places[found] == wanted
+    return found[known], likely[known]
+
+
+def places_of(states: States) -> IndexArray:
+    """Return ``_place`` (N,) of all states, in place: there are millions."""
+    places = np.repeat(np.arange(len(states)), np.diff(states.offsets))
+    places *= states.spins.shape[-1] * len(states.tilts)
+    places += states.column
+    places *= BRANCHES
+    places += states.branch
+    return places
+
+
+def _place(states: States, rung: IndexArray, column: IndexArray, branch: IndexArray) -> IndexArray:
+    """Return numbers of configurations that rise with rung, then column, then branch."""
+    width = states.spins.shape[-1] * len(states.tilts)
+    return np.asarray((rung * width + column) * BRANCHES + branch)
+
+
+def _within(line: IndexArray, at: IndexArray, far: int, n: int) -> tuple[IndexArray, IndexArray]:
+    """Return what lies within ``far`` of places (m,) of n on lines (m,), each once.
+
+    By which of the places (k,) it is near, and where on the line of that (k,).
+    """
+    order = np.lexsort((at, line))
+    at, line = at[order], line[order]
+    first, last = np.maximum(at - far, 0), np.minimum(at + far, n - 1)
+    first[1:] = np.where(line[1:] == line[:-1], np.maximum(first[1:], last[:-1] + 1), first[1:])
+    row, step = numbered(last - first + 1)
+    return order[row], first[row] + step

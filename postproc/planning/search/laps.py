@@ -17,7 +17,8 @@ from postproc.ladder import NONE
 from postproc.planning.checks import Checker
 from postproc.planning.search.between import Interpolation
 from postproc.planning.search.edges import Edges
-from postproc.planning.search.pose_search import PoseSearch
+from postproc.planning.search.failing import SEEN
+from postproc.planning.search.pose_search import CHECKED, FREE, PoseSearch
 from postproc.planning.search.rungs import SearchOptions, Window, yardstick
 
 LAP = 12_000
@@ -72,10 +73,9 @@ def _lapped(
     whole = PoseSearch.of(checker, tags, replace(options, window=own), between)
     if len(whole.states.q) != len(tags):
         return None
-    whole.edges = Edges(*(getattr(edges, name)[tags] for name in Edges.__slots__))
-    for noted in (whole.checked, whole.free, whole.seen):
-        noted[:] = True
-    return whole
+    whole.asked[:] = CHECKED | SEEN | FREE
+    own_edges = Edges(*(getattr(edges, name)[tags] for name in Edges.__slots__))
+    return replace(whole, edges=own_edges)
 
 
 def _begin_at(lap: PoseSearch, own: Window, tag: int) -> None:

@@ -44,9 +44,10 @@ class Refinement:
         stride[search.tags] = search.stride
         asked = np.zeros(n, dtype=np.int64)
         base = search.checker.problem.fine
-        for tag in search.wanted:
+        wanted = search.failing.wanted
+        for tag in wanted:
             asked[tag] = base
-        if not search.wanted:
+        if not wanted:
             self._around_empties(search, found, asked, base)
             self._around_breaks(search, found, asked, base)
             self._around_gaps(search, found, asked)
@@ -60,7 +61,8 @@ class Refinement:
     def _open(self, search: PoseSearch, found: Found) -> IndexArray:
         """Return the tags at which something is not refuted but not found either."""
         rungs = np.flatnonzero(search.broken(found) | (found.path == NONE))
-        return np.concatenate([search.tags[rungs], np.array(sorted(search.wanted), dtype=np.int64)])
+        wanted = search.failing.wanted
+        return np.concatenate([search.tags[rungs], np.array(sorted(wanted), dtype=np.int64)])
 
     def _around_empties(
         self, search: PoseSearch, found: Found, asked: IndexArray, base: int

@@ -25,7 +25,7 @@ from postproc.ladder import NONE, Found
 from postproc.model import CUTS, MotionKind
 from postproc.planning.checks import Checker, Lines, Reason, failure
 from postproc.planning.search.pose_search import PoseSearch
-from postproc.planning.search.rungs import STEADY_BAND, price_of_lack, tolls_of
+from postproc.planning.search.rungs import STEADY_BAND, price_of_lack, shares, tolls_of
 from postproc.planning.states import BRANCHES, Chosen, Placement, evaluate, strokes_into
 from postproc.units import DEG, TURN
 
@@ -182,7 +182,7 @@ def _price(
     if search.options.least is not None:
         cost += price_of_lack(index, search.options.least[rows])
     at = np.searchsorted(search.tags, tags[keys])
-    price = search.share[at] @ cost.reshape(m, s)[keys]
+    price = shares(search.between, search.tags)[at] @ cost.reshape(m, s)[keys]
     rungs = np.concatenate([at[:1] - 1, at, at[-1:] + 1])
     rungs = rungs[(rungs >= 0) & (rungs < len(search.tags))]
     stand = search.tags[rungs]
@@ -190,7 +190,7 @@ def _price(
     stops[np.isin(rungs, at)] = way[keys]
     linked = chosen.good[stand[1:]] & chosen.good[stand[:-1]] & ~chosen.entry[stand[1:]]
     ends = (side.reshape(-1, 6) for side in (stops[:-1], stops[1:]))
-    steps = search.weight[rungs[1:], None] * (np.diff(stops, axis=0) ** 2).sum(axis=2)
+    steps = search.ladder.weight[rungs[1:], None] * (np.diff(stops, axis=0) ** 2).sum(axis=2)
     steps += tolls_of(problem, search.options.parted, *ends).reshape(-1, s)
     price += steps[linked].sum(axis=0)
     return np.where(can_be_run, price, np.inf)
@@ -274,6 +274,7 @@ def main_spins(search: PoseSearch, found: Found) -> FloatArray | None:
     if not len(rows):
         return None
     tags, spin = search.tags[rows], search.states.spin_of(found.path[rows])
+    share = shares(search.between, search.tags)[rows]
     chain = np.cumsum(~is_cut)
     turns = np.abs(_turns(place, tags, spin)) > 2.0 * STEADY_BAND
     turns &= np.diff(chain[tags]) != 0
@@ -289,7 +290,7 @@ def main_spins(search: PoseSearch, found: Found) -> FloatArray | None:
             continue
         whole = np.arange(chain.searchsorted(chain[own[0]]), 1 + own[-1])
         whole = whole[of_cut[whole]]
-        main[whole] = _level_spins(place, whole, onto) + _middle(roll, search.share[rows[low:high]])
+        main[whole] = _level_spins(place, whole, onto) + _middle(roll, share[low:high])
         is_new = True
     return main if is_new else None
 

@@ -73,6 +73,7 @@ _FINEST = 0.1 * DEG
 """Step of the spins about a pose where the cell rounds none."""
 _ROUND = 1e-5
 """A spin is round that is nearer to it, in such steps: the grid of poses rounds as well."""
+Joins = Bridges | TiltSteps
 ROUNDER = 2
 """Of round spins every second one; the others have to gain as much. It halves how many holes turn
 where a base is measured anew by some mm or a tool is ground, for .1 % of stiffness."""
@@ -293,21 +294,22 @@ def ladder_of(
     tags: IndexArray,
     states: States,
     options: SearchOptions,
-) -> tuple[Ladder, FloatArray, FloatArray]:
-    """Return the graph of the states of tags (n,), with the weights of steps and tags."""
+) -> Ladder:
+    """Return the graph of the states of tags (n,)."""
     rule = step_rules(problem)[tags]
     if options.stretch is not None:
         rule[1:] = np.where(np.diff(options.stretch[tags]) == 0, Rule.CHAIN, Rule.FREE)
     travel = np.full(len(tags), problem.settings.weights.travel)
     if options.each:
         travel = np.where(rule == Rule.CHAIN, options.cut_travel, TIE_TRAVEL)
-    weight, share = _scales(between, tags, travel)
-    count = np.diff(states.offsets)
-    cost = states.cost * np.repeat(share, count)
+    into, count = _cut_lengths(between, tags), np.diff(states.offsets)
+    weight = travel / np.where(into > 0.0, into, 1.0) / TRAVEL_UNIT**2
+    share = np.repeat(shares(between, tags), count)
+    cost = states.cost * share
     if options.main is not None:
         off = states.spin_of(np.arange(len(states.q))) - np.repeat(options.main[tags], count)
         rolls = np.abs(wrapped(off)) > STEADY_BAND
-        cost[rolls] += ROLL_PRICE * np.repeat(share, count)[rolls]
+        cost[rolls] += ROLL_PRICE * share[rolls]
     position = states.q
     change = _price_of_change(problem)
     if options.steady:  # more coordinates, equal for the same posture
@@ -321,7 +323,7 @@ def ladder_of(
         tolls.enters[np.repeat(rule == Rule.CHAIN, count)] = 0.0
         ladder.tolls = tolls
     ladder.reach = _reach(problem, between, tags, position.shape[1])
-    return ladder, weight, share
+    return ladder
 
 
 def _price_home(
@@ -437,13 +439,23 @@ def _spread(q: FloatArray) -> FloatArray:
     return np.array(kept)
 
 
+def with_gaps(known: tuple[Parted, ...], gaps: list[Parted]) -> tuple[Parted, ...]:
+    """Return the gaps known and those of some that say more."""
+    for gap in gaps:
+        ends = np.stack([gap.before[0], gap.behind[0]])
+        near = [beside(other, ends) for other in known if other.before.shape[1] <= ends.shape[1]]
+        if not any((n[0] & n[1, ::-1]).any() for n in near):
+            known = (*known, gap)
+    return known
+
+
 def changes_of(bits: int, chosen: Chosen) -> IndexArray:
     """Return the tags (m,) at which these bits of the branch are not those of the tag before."""
     good = np.flatnonzero(chosen.good)
     return good[1:][~same_posture(chosen.branch[good[1:]], chosen.branch[good[:-1]], bits)]
 
 
-def bridges_of(
+def joins_of(
     problem: Problem,
     between: Interpolation,
     tags: IndexArray,
@@ -451,43 +463,39 @@ def bridges_of(
     stride: IndexArray,
     pinned: BoolArray,
     fast_turns: BoolArray,
-    ladder: Ladder,
-) -> Bridges:
-    """Return the runs of states, told to the graph; where the tool may tilt: how it leans.
+) -> Joins:
+    """Return what cuts may join: the runs of states; where the tool may tilt: how it leans.
 
     Between tags far apart runs say nothing of what lies between, nor where both are pinned. There
     the tool turns steadily, but into tags ``fast_turns`` (n,) it may turn as it will.
     """
     low, high = problem.cell.optimize.range
-    loose, axis = ~between.is_cut[tags], problem.placement.axis_base(tags)
+    is_cut, either = between.is_cut[tags], pinned | np.append(False, pinned[:-1])
+    loose, axis = ~is_cut, problem.placement.axis_base(tags)
     loose[1:] |= pinned[1:] & pinned[:-1]
     loose[1:] |= np.diff(between.way[tags]) > BRIDGED
     loose[1:] |= angle_between(axis[1:], axis[:-1]) > BRIDGED_TURN
+    has_tilts = len(states.tilts) > 1
+    told = is_cut & ~either & (np.diff(tags, prepend=NONE) == 1) & has_tilts
     length = np.diff(between.way[tags], prepend=0.0)
     turn = STEADY_TURN * np.maximum(length / BRIDGED, 1.0)
-    turn[fast_turns | ~between.is_cut[tags] | pinned | np.append(False, pinned[:-1])] = np.pi
+    turn[fast_turns | ~is_cut | either | ~(loose | told)] = np.pi
     is_closed, carried = high - low >= TURN - ROUNDING, between.carried[tags]
-    bridges = Bridges(states, stride, is_closed, loose, carried, turn)
-    ladder.joins = bridges
-    if len(states.tilts) > 1:
-        told = between.is_cut[tags] & ~pinned & (np.diff(tags, prepend=NONE) == 1)
-        told[1:] &= ~pinned[:-1]
-        bridges.loose[told] = True
-        ladder.joins = TiltSteps(
-            problem, states, tags, told, stride, is_closed, carried, bridges.turn
-        )
-    return bridges
+    if has_tilts:
+        return TiltSteps(problem, states, tags, told, stride, is_closed, carried, turn)
+    return Bridges(states, stride, is_closed, loose, carried, turn)
 
 
-def _scales(
-    between: Interpolation, tags: IndexArray, travel: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return weight (n,) of the squared joint step into each tag, and of the tag's own cost."""
+def _cut_lengths(between: Interpolation, tags: IndexArray) -> FloatArray:
+    """Return how much cut (n,), in ``CUT_UNIT``, leads to each of tags; 0 where none does."""
     length = np.maximum(np.diff(between.way[tags], prepend=np.nan), _LEAST_STEP) / CUT_UNIT
     is_cut = between.is_cut[tags]
     is_cut[:1] = False
-    weight = np.where(is_cut, travel / np.where(is_cut, length, 1.0), travel)
-    into = np.where(is_cut, length, 0.0)
-    out = np.append(into[1:], 0.0)
-    touched = is_cut | np.append(is_cut[1:], False)
-    return weight / TRAVEL_UNIT**2, np.where(touched, 0.5 * (into + out), 1.0)
+    return np.where(is_cut, length, 0.0)
+
+
+def shares(between: Interpolation, tags: IndexArray) -> FloatArray:
+    """Return the weight (n,) of each tag's own cost: that of the cut that it stands for."""
+    into = _cut_lengths(between, tags)
+    both = into + np.append(into[1:], 0.0)
+    return np.where(both > 0.0, 0.5 * both, 1.0)

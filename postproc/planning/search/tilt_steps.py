@@ -101,6 +101,9 @@ class TiltSteps:
         too_fast = np.abs(wrapped(turn)) > self.turn[i]
         return np.asarray(too_fast[np.subtract.outer(spin, start) + (self._width - 1)])
 
+    def changed(self, rungs: IndexArray) -> None:
+        """Forget nothing: which states were taken out makes no difference."""
+
     def is_lasting(self, i: int) -> bool:
         """Return whether the steps into rung ``i`` are told by tilt and turn alone."""
         return bool(self.told[i])
