@@ -251,9 +251,7 @@ def verify(
 
 
 def lint(
-    *programs: Source,
-    config: Sequence[Source] = (),
-    options: LintOptions | None = None,
+    *programs: Source, config: Sequence[Source] = (), options: LintOptions | None = None
 ) -> tuple[Finding, ...]:
     """Return what a controller would refuse or silently change in programs.
 

@@ -47,10 +47,7 @@ class Checked:
 
 
 def check_batch(
-    jobs: Sequence[Job],
-    folder: Path,
-    options: BatchOptions,
-    progress: Progress | None = None,
+    jobs: Sequence[Job], folder: Path, options: BatchOptions, progress: Progress | None = None
 ) -> Checked:
     """Make everything anew in memory and compare it with what stands in the folder.
 

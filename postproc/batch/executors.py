@@ -28,10 +28,7 @@ _NO_ANSWER = 12.0
 
 
 def run_local(
-    jobs: Sequence[Job],
-    workers: int,
-    timeout: float | None = None,
-    memory: float | None = None,
+    jobs: Sequence[Job], workers: int, timeout: float | None = None, memory: float | None = None
 ) -> Iterator[JobResult]:
     """Run jobs in worker processes; a hanging or dying worker costs only its own job.
 

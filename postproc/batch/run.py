@@ -116,10 +116,7 @@ class BatchOutcome:
 
 
 def run_batch(
-    jobs: Sequence[Job],
-    folder: Path,
-    options: BatchOptions,
-    progress: Progress | None = None,
+    jobs: Sequence[Job], folder: Path, options: BatchOptions, progress: Progress | None = None
 ) -> BatchOutcome:
     """Bring a folder up to date with its jobs.
 

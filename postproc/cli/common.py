@@ -329,9 +329,7 @@ def registered(
     return check
 
 
-def standard_options(
-    function: Callable[Concatenate[Session, P], R],
-) -> Callable[P, R]:
+def standard_options(function: Callable[Concatenate[Session, P], R]) -> Callable[P, R]:
     """Add ``--json`` and ``--quiet`` to a command; it gets a ``Session`` first."""
 
     @click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")

@@ -9,14 +9,7 @@ from functools import cache
 import numpy as np
 
 from postproc.arrays import BoolArray
-from postproc.cell import (
-    KUKA_OFFSETS_DEG,
-    KUKA_SIGNS,
-    Cell,
-    OpwGeometry,
-    UrdfGeometry,
-    cell_toml,
-)
+from postproc.cell import KUKA_OFFSETS_DEG, KUKA_SIGNS, Cell, OpwGeometry, UrdfGeometry, cell_toml
 from postproc.errors import Finding, Severity, SourceRef
 from postproc.kinematics import Kinematics, build
 from postproc.toml import Location, TomlText

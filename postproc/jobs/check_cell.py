@@ -56,8 +56,7 @@ class CellCheck(Paged):
         self.cell, self.facts, self._backup = cell, facts, backup
         self.findings = tuple(
             sorted(
-                findings,
-                key=lambda i: (order.index(i.severity), i.source.line if i.source else 0),
+                findings, key=lambda i: (order.index(i.severity), i.source.line if i.source else 0)
             )
         )
 

@@ -26,15 +26,7 @@ from postproc.emitters import (
     read_back,
     with_emitter,
 )
-from postproc.errors import (
-    CellError,
-    DataError,
-    Finding,
-    PostprocError,
-    Severity,
-    SourceRef,
-    fold,
-)
+from postproc.errors import CellError, DataError, Finding, PostprocError, Severity, SourceRef, fold
 from postproc.files import remove_files, write_files
 from postproc.jobs.arm_doubts import warned_doubts
 from postproc.jobs.causes import Cause, causes
@@ -399,11 +391,7 @@ def make_plan(
 
 
 def _emit_checked(
-    plan: Plan,
-    cell: Cell,
-    request: ConvertRequest,
-    clock: Clock,
-    model: ModelFile | None,
+    plan: Plan, cell: Cell, request: ConvertRequest, clock: Clock, model: ModelFile | None
 ) -> tuple[Program, tuple[Finding, ...], ReadBack | None]:
     """Return the program, all findings and what the text says; no files when the check fails."""
     findings = [*plan.toolpath.warnings, *plan.toolpath.recovered, *plan.findings]

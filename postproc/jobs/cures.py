@@ -8,14 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.cell import (
-    Cell,
-    MeshPlacement,
-    frame_document,
-    load_robot,
-    refitted,
-    robot_names,
-)
+from postproc.cell import Cell, MeshPlacement, frame_document, load_robot, refitted, robot_names
 from postproc.collision import solid as solid_of
 from postproc.geometry import AXES, apply, rotation_x, rotation_y, rotation_z, transform
 from postproc.planning import Reach

@@ -15,12 +15,7 @@ from postproc.jobs.readings import readings
 from postproc.kinematics import build
 from postproc.model import ModelFile, save_model
 from postproc.progress import Progress
-from postproc.stiffness.identify import (
-    Identification,
-    IdentifyOptions,
-    identify_document,
-    warnings,
-)
+from postproc.stiffness.identify import Identification, IdentifyOptions, identify_document, warnings
 from postproc.stiffness.identify import identify as identify_rows
 
 

@@ -16,10 +16,7 @@ from postproc.model import ModelFile
 
 
 def predict(
-    measurements: str | Path,
-    cell: Cell,
-    model: ModelFile | None = None,
-    register: bool = False,
+    measurements: str | Path, cell: Cell, model: ModelFile | None = None, register: bool = False
 ) -> tuple[Prediction, MeasurementSet]:
     """Return the prediction and the rows that it is for; arguments as ``gap.predict``.
 

@@ -47,9 +47,7 @@ def sample(cell: Cell, request: SampleRequest, progress: Progress | None = None)
     kinematics = build(cell.robot)
     T_flange_tcp = np.asarray(cell.tool.T_flange_tcp)
     rules = replace(
-        request.rules,
-        joint_margin=cell.limits.joint_margin,
-        singularity=cell.limits.singularity,
+        request.rules, joint_margin=cell.limits.joint_margin, singularity=cell.limits.singularity
     )
     report(0, 3, "postures")
     # in a cell without solids nothing can be hit but the arm itself

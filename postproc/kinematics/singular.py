@@ -33,9 +33,7 @@ def shoulder_distance(kinematics: Kinematics, q: ArrayLike) -> FloatArray:
 
 
 def smallest_singular_value(
-    kinematics: Kinematics,
-    q: ArrayLike,
-    p_flange_tcp: ArrayLike = (0.0, 0.0, 0.0),
+    kinematics: Kinematics, q: ArrayLike, p_flange_tcp: ArrayLike = (0.0, 0.0, 0.0)
 ) -> FloatArray:
     """Return the smallest singular value (...,) of the Jacobian.
 

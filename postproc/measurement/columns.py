@@ -104,13 +104,7 @@ QUANTITIES = (
         MM,
         Empty.BETWEEN,
     ),
-    Quantity(
-        "sigmas",
-        ("sx_mm", "sy_mm", "sz_mm"),
-        "the same of each coordinate",
-        MM,
-        Empty.PART,
-    ),
+    Quantity("sigmas", ("sx_mm", "sy_mm", "sz_mm"), "the same of each coordinate", MM, Empty.PART),
 )
 READINGS = ("position", "along", "length", "plane")
 """What a row may have read, one of them at least."""

@@ -108,11 +108,7 @@ class _Seen:
     """How far rows lie from the arm, under one guess or another."""
 
     def __init__(
-        self,
-        kinematics: Kinematics,
-        cell: Cell,
-        registered: bool,
-        frame: Registration | None,
+        self, kinematics: Kinematics, cell: Cell, registered: bool, frame: Registration | None
     ) -> None:
         self.kinematics = kinematics
         self.tcp = np.asarray(cell.tool.T_flange_tcp[:3, 3])

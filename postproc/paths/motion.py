@@ -200,10 +200,7 @@ def top_speeds(cell: Cell) -> FloatArray:
 
 
 def joint_paths(
-    trace: Trace,
-    cell: Cell,
-    kinematics: Kinematics,
-    step_length: float = STEP_LENGTH,
+    trace: Trace, cell: Cell, kinematics: Kinematics, step_length: float = STEP_LENGTH
 ) -> Paths:
     """Return the joint paths of a trace in a cell.
 
@@ -220,11 +217,7 @@ class _Solver:
     """Works out one trace; motions in columns of length m."""
 
     def __init__(
-        self,
-        trace: Trace,
-        cell: Cell,
-        kinematics: Kinematics,
-        step_length: float,
+        self, trace: Trace, cell: Cell, kinematics: Kinematics, step_length: float
     ) -> None:
         self.trace, self.cell, self.kinematics = trace, cell, kinematics
         self.externals = Externals.of(cell)

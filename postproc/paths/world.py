@@ -10,16 +10,7 @@ from postproc.arrays import FloatArray
 from postproc.cell import Cell, HomeStyle
 from postproc.controller import Trace, World, pose_of, run
 from postproc.kinematics import Kinematics
-from postproc.krl import (
-    Aggregate,
-    Assign,
-    Axes,
-    Enum,
-    KrlModule,
-    Pose,
-    Reference,
-    parse_expression,
-)
+from postproc.krl import Aggregate, Assign, Axes, Enum, KrlModule, Pose, Reference, parse_expression
 from postproc.paths.motion import joint_paths
 from postproc.units import DEG
 

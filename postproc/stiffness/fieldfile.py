@@ -15,13 +15,7 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray
 from postproc.errors import DataError
 from postproc.model import ModelFile, entry
-from postproc.stiffness.field import (
-    ContinuousField,
-    Grid,
-    GridField,
-    Locate,
-    StiffnessField,
-)
+from postproc.stiffness.field import ContinuousField, Grid, GridField, Locate, StiffnessField
 from postproc.units import DEG, MM
 
 STIFFNESS = "stiffness_Nmm_per_rad"

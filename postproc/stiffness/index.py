@@ -19,10 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from postproc.arrays import FloatArray
-from postproc.stiffness.cartesian import (
-    compliance_rotation_held,
-    translational_compliance,
-)
+from postproc.stiffness.cartesian import compliance_rotation_held, translational_compliance
 
 
 def directional(jacobian: ArrayLike, c_joint: ArrayLike, direction: ArrayLike) -> FloatArray:

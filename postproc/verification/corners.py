@@ -96,11 +96,7 @@ def _end(
 
 
 def _solved(
-    paths: Paths,
-    kinematics: Kinematics,
-    motion: AnyIntArray,
-    share: FloatArray,
-    at: AnyIntArray,
+    paths: Paths, kinematics: Kinematics, motion: AnyIntArray, share: FloatArray, at: AnyIntArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return flange and joints at shares of path motions, in the posture of the corners ``at``."""
     T = paths.curves.flange(motion, share, paths.station.externals, paths.external)

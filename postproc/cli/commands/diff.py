@@ -7,12 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from postproc.cli.common import (
-    NOT_NEGATIVE,
-    Session,
-    answer,
-    standard_options,
-)
+from postproc.cli.common import NOT_NEGATIVE, Session, answer, standard_options
 
 if TYPE_CHECKING:
     from postproc.comparison import DiffReport

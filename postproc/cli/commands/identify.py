@@ -7,13 +7,7 @@ from typing import Any
 
 import click
 
-from postproc.cli.common import (
-    NUMBER,
-    Session,
-    answer,
-    standard_options,
-    tool_option,
-)
+from postproc.cli.common import NUMBER, Session, answer, standard_options, tool_option
 
 EPILOG = """\b
 Examples:

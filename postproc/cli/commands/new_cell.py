@@ -10,12 +10,7 @@ from typing import Any
 import click
 
 from postproc.cli import completion
-from postproc.cli.common import (
-    NUMBER,
-    Session,
-    answer,
-    standard_options,
-)
+from postproc.cli.common import NUMBER, Session, answer, standard_options
 from postproc.cli.questions import AXES, STARTS, ask
 from postproc.errors import CellError, UsageError
 

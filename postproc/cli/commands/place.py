@@ -7,14 +7,7 @@ from typing import Any
 
 import click
 
-from postproc.cli.common import (
-    NUMBER,
-    Session,
-    answer,
-    read_cam,
-    reading_options,
-    standard_options,
-)
+from postproc.cli.common import NUMBER, Session, answer, read_cam, reading_options, standard_options
 
 EPILOG = """\b
 Examples:

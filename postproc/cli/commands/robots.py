@@ -7,12 +7,7 @@ from typing import Any
 import click
 
 from postproc.cli import completion
-from postproc.cli.common import (
-    NOT_NEGATIVE,
-    Session,
-    answer,
-    standard_options,
-)
+from postproc.cli.common import NOT_NEGATIVE, Session, answer, standard_options
 
 EPILOG = """\b
 Examples:

@@ -7,14 +7,7 @@ from typing import Any
 
 import click
 
-from postproc.cli.common import (
-    NUMBER,
-    NumberRange,
-    Session,
-    answer,
-    standard_options,
-    tool_option,
-)
+from postproc.cli.common import NUMBER, NumberRange, Session, answer, standard_options, tool_option
 
 EPILOG = """\b
 Examples:
@@ -114,11 +107,7 @@ Examples:
 )
 @click.option("--halt", is_flag=True, help="Wait for the operator at each posture instead.")
 @click.option(
-    "--speed",
-    type=NumberRange(1.0, 100.0),
-    default=30.0,
-    show_default=True,
-    help="Axis speed [%].",
+    "--speed", type=NumberRange(1.0, 100.0), default=30.0, show_default=True, help="Axis speed [%]."
 )
 @standard_options
 def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names

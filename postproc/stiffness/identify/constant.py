@@ -88,10 +88,7 @@ class ConstantFit:
 
 
 def fit_constant(
-    cases: LoadCases,
-    k_ref: FloatArray | None = None,
-    confidence: float = 0.9,
-    robust: bool = True,
+    cases: LoadCases, k_ref: FloatArray | None = None, confidence: float = 0.9, robust: bool = True
 ) -> ConstantFit:
     """Fit one compliance per joint.
 

@@ -129,11 +129,7 @@ def fit_continuous(
 
 
 def _fit_seen(
-    cases: LoadCases,
-    constant: ConstantFit,
-    seen: BoolArray,
-    current: Hyper,
-    search: bool,
+    cases: LoadCases, constant: ConstantFit, seen: BoolArray, current: Hyper, search: bool
 ) -> ContinuousFit:
     c0 = constant.centre[seen]
     centres = cases.q[_spread(cases.q, cases.posture, NODES)]
@@ -210,11 +206,7 @@ class _Fit:
     """Damped Gauss-Newton on whitened feature weights v (k, f); the prior of v is N(0, 1)."""
 
     def __init__(
-        self,
-        cases: LoadCases,
-        c0: FloatArray,
-        seen: BoolArray,
-        features: _Features,
+        self, cases: LoadCases, c0: FloatArray, seen: BoolArray, features: _Features
     ) -> None:
         self.features = features
         self.seen = seen

@@ -236,10 +236,7 @@ def _registration(
     )
 
 
-def _choose(
-    scores: tuple[ModelScore, ...],
-    options: IdentifyOptions,
-) -> tuple[str, str]:
+def _choose(scores: tuple[ModelScore, ...], options: IdentifyOptions) -> tuple[str, str]:
     if options.method == "constant":
         return "constant", "asked for"
     if options.method == "continuous":

@@ -59,8 +59,7 @@ class Observability:
         """Return the same with some joints (6,) marked as not observable."""
         marks = zip(self.visibility, joints, strict=True)
         return replace(
-            self,
-            visibility=tuple(Visibility.UNOBSERVABLE if lost else old for old, lost in marks),
+            self, visibility=tuple(Visibility.UNOBSERVABLE if lost else old for old, lost in marks)
         )
 
 

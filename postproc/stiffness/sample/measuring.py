@@ -9,14 +9,7 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.cell import Cell
 from postproc.kinematics import Kinematics, build
-from postproc.measurement import (
-    DIRECTION,
-    JOINTS,
-    POSITION,
-    WRENCH,
-    cells,
-    table_to_fill_in,
-)
+from postproc.measurement import DIRECTION, JOINTS, POSITION, WRENCH, cells, table_to_fill_in
 from postproc.process import weight_wrench
 from postproc.records import dataclass
 from postproc.stiffness.cartesian import regressor

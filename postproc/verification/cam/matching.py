@@ -11,13 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import (
-    BoolArray,
-    FloatArray,
-    IndexArray,
-    IntArray,
-    longest_rising,
-)
+from postproc.arrays import BoolArray, FloatArray, IndexArray, IntArray, longest_rising
 from postproc.geometry import angle_between
 from postproc.model import Cycle, MotionKind, ToolPath
 from postproc.paths import Paths, Station

@@ -141,11 +141,7 @@ def _rounded(paths: Paths, passed: Passed) -> FloatArray:
 
 
 def _nearest(
-    real: RealPaths,
-    points: FloatArray,
-    rows: IndexArray,
-    low: AnyIntArray,
-    high: AnyIntArray,
+    real: RealPaths, points: FloatArray, rows: IndexArray, low: AnyIntArray, high: AnyIntArray
 ) -> Passed:
     """Return where the motions ``low`` to ``high`` (k,) of tags ``rows`` pass them."""
     k, paths = len(rows), real.commanded
