@@ -20,7 +20,7 @@ from postproc.progress import Progress
 from postproc.records import dataclass
 
 if TYPE_CHECKING:
-    from postproc.cell import Cell
+    from postproc.cell import Cell, Options
     from postproc.model import ToolPath
     from postproc.registry import Registry
 
@@ -55,6 +55,7 @@ NUMBER = Number()
 POSITIVE = NumberRange(min=0.0, min_open=True)
 NOT_NEGATIVE = NumberRange(min=0.0)
 
+Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -197,96 +198,82 @@ def _coloured(line: str, severity: str) -> str:
     return line.replace(severity, click.style(severity, fg=_COLOURS[severity]), 1)
 
 
-READING = (
-    "format", "dialect", "units", "columns", "task", "cycle_words", "feed_units", "arc_sense",
-    "head",
-    "accept_words", "recover",
-)  # fmt: skip
-"""Options that say how a CAM file is to be read, alike in all commands that read one."""
+_PLUGGED = {
+    "format": ("postproc.readers", "READERS", "auto"),
+    "emitter": ("postproc.emitters", "EMITTERS"),
+    "objective": ("postproc.planning", "OBJECTIVES"),
+}
+"""Options that name a part which can be plugged in: its room, its registry, further names."""
+
+CELL = click.option("--cell", required=True, metavar="CELL.toml", help="The robot cell.")
+TOOL = click.option(
+    "--tool", type=int, metavar="N", help="TOOL number of a cell with several: on the flange."
+)
 
 
-def reading_options(function: Callable[P, R]) -> Callable[P, R]:
-    """Add the options of ``READING``."""
-    options = (
-        click.option(
-            "--format",
-            metavar="NAME",
-            callback=registered("postproc.readers", "READERS", "auto"),
-            shell_complete=completion.parts("postproc.readers", "READERS", "auto"),
-            help="Format of the CAM file: auto, apt, csv, delmia, gcode or one of plugins; "
-            "default: the cell's, else auto.",
-        ),
-        click.option(
-            "--dialect",
-            help="APT dialect: nx, solidworks, creo, catia, camworks, fusion, hsmworks, mfgsuite, "
-            "camplete, manusnc, postworks, surfcam, apt; of G-code: fanuc, linuxcnc.",
-        ),
-        click.option(
-            "--units",
-            type=click.Choice(["mm", "inch", "m"]),
-            help="Unit of length where the CAM file names none.",
-        ),
-        click.option("--columns", help="Columns of a CSV, e.g. id,x,y,z,i,j,k,-,depth; - is none."),
-        click.option("--task", help="DELMIA task to read instead of all that no other one calls."),
-        click.option(
-            "--cycle-words",
-            metavar="WORDS",
-            help="Meaning of the numbers of a positional drill cycle, e.g. depth,clearance,feed.",
-        ),
-        click.option(
-            "--feed-units",
-            type=click.Choice(["mm", "inch"]),
-            help="Unit of feeds per minute where FEDRAT and UNITS of the CAM file contradict.",
-        ),
-        click.option(
-            "--arc-sense",
-            type=click.Choice(["ccw", "cw"]),
-            help="Sense of arcs about their vector where the CAM file leaves it open.",
-        ),
-        click.option(
-            "--head",
-            metavar="AXES",
-            help="Rotary head of a G-code file, from the machine to the tool: C+z B+y [tip].",
-        ),
-        click.option(
-            "--accept-words",
-            metavar="W1,W2",
-            default="",
-            help="Words of the CAM file that you know to be harmless; others stop the job.",
-        ),
-        click.option("--recover", is_flag=True, help="Fix faults that have one possible meaning."),
-    )
+def _of_cell(table: str, options: type[Options], names: Iterable[str]) -> list[Decorator]:
+    """Return the options of a call that stand for keys of the cell: said there, once for all."""
+    from postproc.cell import key_said
+
+    found: list[Decorator] = []
+    for name in names:
+        meaning, words = key_said(options, name)
+        more: dict[str, Any] = {"type": click.Choice(words)} if words else {}
+        if name in _PLUGGED:
+            more["shell_complete"] = completion.parts(*_PLUGGED[name])
+        if name in ("format", "emitter"):  # the planner says itself which objectives there are
+            more["callback"] = _registered(*_PLUGGED[name])
+        if name == "accept_words":
+            more |= {"default": "", "metavar": "W1,W2"}
+        text = f"As [{table}] {name} of the cell: {meaning}."
+        found.append(click.option(f"--{name.replace('_', '-')}", help=text, **more))
+    return found
+
+
+def _all(function: Callable[P, R], options: Sequence[Decorator]) -> Callable[P, R]:
     for option in reversed(options):
         function = option(function)
     return function
 
 
-KEEP = (
-    "Keep the poses of this program (or folder, or manifest) that are still good and lose little."
-)
+def reading_names() -> tuple[str, ...]:
+    """Return the options of ``reading_options``."""
+    from postproc.cell import Reading
+
+    return (*Reading.__annotations__, "recover")
 
 
-def emitter_option(function: Callable[P, R]) -> Callable[P, R]:
-    """Add the option that names what writes programs."""
-    return click.option(
-        "--emitter",
-        metavar="NAME",
-        callback=registered("postproc.emitters", "EMITTERS"),
-        shell_complete=completion.parts("postproc.emitters", "EMITTERS"),
-        help="Emitter that writes the program, see postproc plugins; default: the cell's.",
-    )(function)
+def reading_options(function: Callable[P, R]) -> Callable[P, R]:
+    """Add what says how a CAM file is to be read, alike in all commands that read one."""
+    from postproc.cell import Reading
+
+    recover = click.option(
+        "--recover", is_flag=True, help="Fix faults that have one possible meaning."
+    )
+    return _all(function, [*_of_cell("import", Reading, Reading.__annotations__), recover])
 
 
-def tool_option(function: Callable[P, R]) -> Callable[P, R]:
-    """Add the option that names the tool of a call that works with one."""
-    return click.option(
-        "--tool", type=int, metavar="N", help="TOOL number of a cell with several: on the flange."
-    )(function)
+def planning_options(function: Callable[P, R]) -> Callable[P, R]:
+    """Add what says how programs are planned and written, alike for one and for many inputs."""
+    from postproc.cell import KrlOptions, Optimize
+
+    options = [
+        *_of_cell("krl", KrlOptions, ["emitter"]),
+        *_of_cell("optimize", Optimize, ["strategy", "objective", "preset"]),
+        click.option("--model", metavar="MODEL.toml", help="Compensate what this model predicts."),
+        click.option(
+            "--keep",
+            metavar="OLD",
+            help="Keep the poses of this program (or folder, or manifest) that are still good and "
+            "lose little.",
+        ),
+    ]
+    return _all(function, options)
 
 
 def reading(options: Mapping[str, Any]) -> dict[str, Any]:
     """Return those of a command's options that ``reading_options`` added."""
-    return {name: options[name] for name in READING}
+    return {name: options[name] for name in reading_names()}
 
 
 def given(kind: type, options: Mapping[str, Any]) -> dict[str, Any]:
@@ -305,7 +292,7 @@ def read_cam(source: str, options: Mapping[str, Any], cell: Cell) -> ToolPath:
     return read_toolpath(ConvertRequest(source, options["cell"], **reading(options)), cell)
 
 
-def registered(
+def _registered(
     room: str, registry: str, *more: str
 ) -> Callable[[click.Context, click.Parameter, str | None], str | None]:
     """Return the check of an option that names a part of a registry.

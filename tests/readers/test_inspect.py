@@ -9,7 +9,7 @@ import pytest
 
 from postproc.cell import load_cell
 from postproc.cli.app import run
-from postproc.cli.common import READING
+from postproc.cli.common import reading_names
 from postproc.jobs.convert import ConvertRequest, read_toolpath
 from postproc.readers import read
 from postproc.report.inspection import distinct_axes, inspection
@@ -120,7 +120,7 @@ READS = [
 def test_all_commands_that_read_a_cam_file_share_its_options(name, capsys):
     assert run([name, "--help"]) == 0
     out = capsys.readouterr().out
-    for option in READING:
+    for option in reading_names():
         assert f"--{option.replace('_', '-')}" in out
 
 

@@ -16,4 +16,12 @@ from postproc.cell.schema.krl import HooksTable, KrlOptions
 from postproc.cell.schema.motion import Motion, Process, ProcessTable, Thin
 from postproc.cell.schema.optimize import Limits, Optimize, TiltRange
 from postproc.cell.schema.robot import DimensionsTable, ExternalAxisTable, RobotTable
-from postproc.cell.schema.table import Placement, Read, Solid, Table, ToolSolid
+from postproc.cell.schema.table import (
+    Options,
+    Placement,
+    Read,
+    Solid,
+    Table,
+    ToolSolid,
+    key_said,
+)

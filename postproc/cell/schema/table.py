@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import field, fields
 from enum import StrEnum
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeVar, get_args, get_origin
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, create_model, model_validator
 
@@ -95,6 +95,19 @@ def key(
     value = _in_si(said, unit, missing)
     made = {"default_factory": dict} if value == {} else {"default": value}
     return field(**made, metadata={"key": (unit, missing, entry)})
+
+
+def key_said(kind: type[Options], name: str) -> tuple[str, tuple[str, ...]]:
+    """Return the meaning of the key of a field, and the words that it takes, none for any text."""
+    form, entry = next(made for made in fields(kind) if made.name == name).metadata["key"][2]  # type: ignore[arg-type]
+    return str(entry.description), _words_of(form)
+
+
+def _words_of(form: Any) -> tuple[str, ...]:  # noqa: ANN401 - any type
+    if isinstance(form, type) and issubclass(form, StrEnum):
+        return tuple(word.value for word in form)
+    inner = get_args(form)
+    return inner if get_origin(form) is Literal else tuple(w for f in inner for w in _words_of(f))
 
 
 def _in_si(value: Any, unit: str, missing: float | None) -> Any:  # noqa: ANN401 - of any key

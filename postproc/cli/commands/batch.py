@@ -7,14 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from postproc.cli import completion
 from postproc.cli.common import (
-    KEEP,
     NumberRange,
     Session,
     answer,
-    emitter_option,
     given,
+    planning_options,
     reading_options,
     standard_options,
 )
@@ -44,18 +42,7 @@ Examples:
 @click.option("--dask", metavar="ADDRESS", help="Run on this Dask cluster instead.")
 @click.option("--split", metavar="RULE", help="region:MM, count:N or operation: large inputs.")
 @reading_options
-@emitter_option
-@click.option("--strategy", type=click.Choice(["smooth", "each", "global"]))
-@click.option(
-    "--objective",
-    shell_complete=completion.parts("postproc.planning", "OBJECTIVES"),
-    help="As of convert.",
-)
-@click.option(
-    "--preset", type=click.Choice(["stiffest", "balanced", "fastest"]), help="As of convert."
-)
-@click.option("--model", metavar="MODEL.toml", help="Compensate what this model predicts.")
-@click.option("--keep", metavar="OLD", help=KEEP)
+@planning_options
 @click.option("--timeout", type=NumberRange(min=0.1), help="Seconds per input.")
 @click.option("--memory", type=NumberRange(min=0.5), help="GiB per worker.")
 @click.option("--force", is_flag=True, help="Redo everything.")

@@ -7,13 +7,12 @@ from typing import Any
 
 import click
 
-from postproc.cli import completion
 from postproc.cli.common import (
-    KEEP,
+    CELL,
     Session,
     answer,
-    emitter_option,
     given,
+    planning_options,
     reading_options,
     standard_options,
 )
@@ -45,30 +44,13 @@ def _known_suffix(
 
 @click.command(epilog=EPILOG)
 @click.argument("source", metavar="INPUT")
-@click.option("--cell", required=True, metavar="CELL.toml", help="The robot cell.")
+@CELL
 @click.option("-o", "--output", required=True, metavar="DIR", help="Folder of the program.")
 @click.option("--name", help="Program name; default: that of the input file.")
 @reading_options
-@emitter_option
-@click.option(
-    "--strategy",
-    type=click.Choice(["smooth", "each", "global"]),
-    help="How the spin about the tool axis is chosen; default: the cell's.",
-)
-@click.option(
-    "--objective",
-    shell_complete=completion.parts("postproc.planning", "OBJECTIVES"),
-    help="axial, normal, radial, process or one of postproc plugins; default: the cell's.",
-)
-@click.option(
-    "--preset",
-    type=click.Choice(["stiffest", "balanced", "fastest"]),
-    help="Stiffness against time, for an objective by name; default: the cell's.",
-)
+@planning_options
 @click.option("--trade", is_flag=True, help="Show what each preset would lose and gain.")
-@click.option("--model", metavar="MODEL.toml", help="Compensate what this model predicts.")
 @click.option("--pins", metavar="FILE.csv", help="Spins that tags must have: tag,spin_deg.")
-@click.option("--keep", metavar="OLD", help=KEEP)
 @click.option("--partial", is_flag=True, help="Write the good stretches even if tags fail.")
 @click.option("--report", metavar="FILE.html", help="Write a page that shows the program.")
 @click.option(

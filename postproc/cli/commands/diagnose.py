@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from postproc.cli.common import (
+    CELL,
     POSITIVE,
+    TOOL,
     Session,
     answer,
     read_cam,
     reading_options,
     standard_options,
-    tool_option,
 )
 
 if TYPE_CHECKING:
@@ -42,8 +43,8 @@ Examples:
     metavar="LOG.csv",
     help="Recording of a path instead of poses: commanded and actual joints, tool point.",
 )
-@click.option("--cell", required=True, metavar="CELL.toml", help="The robot cell.")
-@tool_option
+@CELL
+@TOOL
 @click.option("--model", metavar="MODEL.toml", help="Model of the arm that is already known.")
 @click.option(
     "--register",

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from postproc.cli.common import Session, answer, read_cam, reading_options, standard_options
+from postproc.cli.common import CELL, Session, answer, read_cam, reading_options, standard_options
 
 EPILOG = """\b
 Examples:
@@ -18,7 +18,7 @@ Examples:
 
 @click.command(epilog=EPILOG)
 @click.argument("points", metavar="POINTS.csv")
-@click.option("--cell", required=True, metavar="CELL.toml", help="The robot cell.")
+@CELL
 @click.option("--base", type=int, metavar="N", help="BASE number, in a cell with several.")
 @click.option("--job", metavar="INPUT", help="CAM file: uncertainty of its holes.")
 @click.option("-o", "--output", metavar="CELL2.toml", help="Write the cell with the fitted base.")

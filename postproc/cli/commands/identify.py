@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from postproc.cli.common import NUMBER, Session, answer, standard_options, tool_option
+from postproc.cli.common import CELL, NUMBER, TOOL, Session, answer, standard_options
 
 EPILOG = """\b
 Examples:
@@ -18,8 +18,8 @@ Examples:
 
 @click.command(epilog=EPILOG)
 @click.argument("source", metavar="MEAS.csv")
-@click.option("--cell", required=True, metavar="CELL.toml", help="The robot cell.")
-@tool_option
+@CELL
+@TOOL
 @click.option("-o", "--output", required=True, metavar="MODEL.toml", help="Model to write.")
 @click.option(
     "--method",

@@ -7,7 +7,15 @@ from typing import Any
 
 import click
 
-from postproc.cli.common import NUMBER, Session, answer, read_cam, reading_options, standard_options
+from postproc.cli.common import (
+    CELL,
+    NUMBER,
+    Session,
+    answer,
+    read_cam,
+    reading_options,
+    standard_options,
+)
 
 EPILOG = """\b
 Examples:
@@ -18,7 +26,7 @@ Examples:
 
 @click.command(epilog=EPILOG)
 @click.argument("source", metavar="INPUT")
-@click.option("--cell", required=True, metavar="CELL.toml", help="The robot cell.")
+@CELL
 @click.option(
     "--box",
     nargs=6,

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from postproc.cli.common import Session, answer, standard_options, tool_option
+from postproc.cli.common import CELL, TOOL, Session, answer, standard_options
 
 EPILOG = """\b
 Example:
@@ -17,8 +17,8 @@ Example:
 
 @click.command(epilog=EPILOG)
 @click.argument("measurements", metavar="MEAS.csv")
-@click.option("--cell", required=True, metavar="CELL.toml", help="The robot cell.")
-@tool_option
+@CELL
+@TOOL
 @click.option("--model", metavar="MODEL.toml", help="What is known of the robot; else nominal.")
 @click.option(
     "--register",

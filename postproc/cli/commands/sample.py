@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from postproc.cli.common import NUMBER, NumberRange, Session, answer, standard_options, tool_option
+from postproc.cli.common import CELL, NUMBER, TOOL, NumberRange, Session, answer, standard_options
 
 EPILOG = """\b
 Examples:
@@ -19,8 +19,8 @@ Examples:
 
 
 @click.command(epilog=EPILOG)
-@click.option("--cell", required=True, metavar="CELL.toml", help="The robot cell.")
-@tool_option
+@CELL
+@TOOL
 @click.option(
     "--box",
     required=True,

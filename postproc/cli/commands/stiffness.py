@@ -7,6 +7,7 @@ from typing import Any
 import click
 
 from postproc.cli.common import (
+    CELL,
     NumberRange,
     Session,
     answer,
@@ -24,7 +25,7 @@ Examples:
 
 @click.command(epilog=EPILOG)
 @click.argument("source", metavar="INPUT")
-@click.option("--cell", required=True, metavar="CELL.toml", help="The robot cell.")
+@CELL
 @click.option("-o", "--output", metavar="FILE.html", help="Write a page with the curves.")
 @click.option("--model", metavar="MODEL.toml", help="Joint stiffness of this model.")
 @click.option("--tags", metavar="NAME,NAME,...", help="Names of tags; default: the key tags.")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from postproc.cli.common import (
+    CELL,
     POSITIVE,
     Session,
     answer,
@@ -34,7 +35,7 @@ Examples:
 
 @click.command(epilog=EPILOG)
 @click.argument("program", metavar="PROGRAM.src", type=click.Path())
-@click.option("--cell", required=True, metavar="CELL.toml", help="The robot cell.")
+@CELL
 @click.option("--against", metavar="INPUT", help="The CAM file that the program was made from.")
 @reading_options
 @click.option(
