@@ -13,21 +13,14 @@ from numpy.typing import ArrayLike
 
 from postproc.arrays import BoolArray, FloatArray
 from postproc.cell import Cell as CellValues
-from postproc.cell import load_robot, shared_cell
-from postproc.codes import Entry
+from postproc.cell import shared_cell
 from postproc.errors import UsageError
 from postproc.geometry import inverse, rotation_from_abc, transform
-from postproc.jobs import robots as built_in
-from postproc.jobs.check_cell import CellCheck, checked
-from postproc.jobs.explain import explained
-from postproc.jobs.measuring_plan import MeasuringPlan, measuring_plan
+from postproc.jobs.given import Source
 from postproc.jobs.new_cell import OPTIONS, CellDraft, draft_cell, draft_from_backup, require_free
 from postproc.kinematics import build
-from postproc.progress import Progress
 from postproc.units import DEG, MM
 
-Source = str | Path
-"""A path, as text or as ``Path``."""
 _KEPT = 8
 _FRAMES = ("robroot", "base", "world")
 
@@ -215,122 +208,3 @@ def new_cell(path: Source = "cell.toml", **options: Any) -> CellDraft:  # noqa: 
     if archive is not None:
         return draft_from_backup(archive, given, target)
     return draft_cell(given, target, {})
-
-
-def check(
-    cell: Cell | Source, *, backup: Source | None = None, templates: bool = False
-) -> CellCheck:
-    """Return what a cell is and what is wrong with it.
-
-    Args:
-        cell: a cell of ``load_cell``, or a file.
-        backup: of the controller to compare with: ZIP or folder.
-        templates: test the cell's own templates without a part.
-
-    Returns:
-        ``good``, ``findings``, ``document``, ``report(file)``.
-
-    Raises:
-        CellError: if the cell cannot be loaded or a mesh is broken.
-        ReadError: if the backup cannot be used.
-    """
-    return checked(cell_of(cell), None if backup is None else str(backup), templates)
-
-
-def robots(
-    name: str | None = None, *, reach_mm: float | None = None, payload_kg: float | None = None
-) -> list[dict[str, Any]]:
-    """Return the built-in robots with all their numbers and where each is from.
-
-    Args:
-        name: in any spelling; None: all.
-        reach_mm: only those that reach so far.
-        payload_kg: only those that carry so much.
-
-    Returns:
-        For each robot what ``robots NAME --json`` prints.
-
-    Raises:
-        CellError: CEL010 for an unknown robot.
-    """
-    if name is None:
-        return built_in.robots(reach_mm, payload_kg)
-    return [built_in.robot_document(load_robot(name))]
-
-
-def explain(code: str) -> Entry:
-    """Return what a finding code, a kind of violation or an effect of a diagnosis means.
-
-    Args:
-        code: such as ``PLN101``, ``joint_limit``, the name of an effect.
-
-    Returns:
-        ``title``, ``cause``, ``remedy``, ``severity``.
-
-    Raises:
-        UsageError: CLI014 if nothing has this name.
-    """
-    return explained(code)
-
-
-def sample(
-    cell: Cell | Source,
-    box_mm: Sequence[float],
-    *,
-    grid_mm: float = 150.0,
-    name: str = "sample",
-    method: str = "grid",
-    model: str = "continuous",
-    count: int = 64,
-    for_diagnosis: bool = False,
-    axis: str = "y",
-    angles_deg: Sequence[float] = (-10.0, 0.0, 10.0),
-    orientation_deg: Sequence[float] | None = None,
-    load_kg: float | None = None,
-    load_at_mm: Sequence[float] | None = None,
-    forces_N: Sequence[Sequence[float]] = (),
-    wait_s: float = 5.0,
-    halt: bool = False,
-    speed_percent: float = 30.0,
-    tool: int | None = None,
-    progress: Progress | None = None,
-) -> MeasuringPlan:
-    """Return a plan to measure joint stiffness or the gap over a box.
-
-    Args:
-        cell: a cell of ``load_cell``, or a file.
-        box_mm: (6,) lowest and highest corner in the robot root [mm].
-        grid_mm: edge of a cell of the grid.
-        name: of the files.
-        method: ``grid``: every posture of the grid; ``optimal``: the most telling ones.
-        model: what ``optimal`` is to tell: ``constant``, ``grid`` or ``continuous``.
-        count: postures of ``optimal`` and of a plan for a diagnosis.
-        for_diagnosis: plan for ``diagnose``, and say what it will tell.
-        axis: of the tool frame about which postures turn: ``x``, ``y`` or ``z``.
-        angles_deg: by which they turn.
-        orientation_deg: (3,) tool A, B, C at angle 0; None: the one that reaches most.
-        load_kg: weight to hang on; None: 50 without forces, none for a diagnosis.
-        load_at_mm: (3,) its centre of gravity in the flange; None: the tool point.
-        forces_N: further loads, each (3,) at the tool point in axes of the robot root.
-        wait_s: at a posture.
-        halt: wait for the operator instead.
-        speed_percent: of the axes.
-        tool: TOOL number of the one on the flange, in a cell with several.
-        progress: called with (done, total, what).
-
-    Returns:
-        ``document``, ``files`` and ``write(folder)``.
-
-    Raises:
-        CellError: CEL015 if the cell has several tools and none is named; CEL030 for an arm with
-            unknown limits or speeds.
-        StiffnessError: STF020 to STF025 if the plan asks for what cannot be.
-    """
-    options = {
-        "box": box_mm, "grid": grid_mm, "name": name, "method": method, "model": model,
-        "count": count, "for_diagnosis": for_diagnosis, "axis": axis,
-        "angles": ",".join(map(str, angles_deg)), "orientation": orientation_deg,
-        "load_kg": load_kg, "load_at": load_at_mm, "force": forces_N, "wait": wait_s,
-        "halt": halt, "speed": speed_percent,
-    }  # fmt: skip
-    return measuring_plan(cell_of(cell).for_tool(tool), options, progress)

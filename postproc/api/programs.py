@@ -1,33 +1,34 @@
-"""Programs from Python: read a part, convert it, verify, lint and compare what was written."""
+"""What Python calls otherwise than the command line: objects for names, arrays for files."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from postproc.api.cells import Cell, Source, cell_of
+from numpy.typing import ArrayLike
+
+from postproc.api.cells import Cell, cell_of
 from postproc.api.job import Job
-from postproc.api.parts import load_model, read
 from postproc.arrays import FloatArray
 from postproc.batch import BatchOptions, BatchOutcome, call_of, run_batch
+from postproc.cell import Cell as CellValues
 from postproc.comparison import DiffReport, DiffTolerance
 from postproc.comparison import diff as diff_programs
 from postproc.emitters import EMITTERS, Emitter
-from postproc.errors import Finding, UsageError
+from postproc.errors import Finding
+from postproc.gap import Prediction
 from postproc.jobs.convert import ConvertRequest
 from postproc.jobs.convert import convert as convert_part
+from postproc.jobs.given import Source, model_of, part_of
 from postproc.jobs.lint import lint as lint_programs
-from postproc.jobs.stiffness import SpinStiffness
-from postproc.jobs.stiffness import stiffness as spin_stiffness
-from postproc.jobs.verify import verify as verify_part
+from postproc.jobs.predict import predict as predict_rows
+from postproc.jobs.verify import at_least
 from postproc.krl import LintOptions
-from postproc.model import ToolPath
+from postproc.model import ModelFile, ToolPath
 from postproc.planning import OBJECTIVES, Objective, StateContext
 from postproc.progress import Progress
-from postproc.units import DEG, MM
-from postproc.verification import Tolerances, VerifyReport
+from postproc.readers import holes_of
 
 
 def convert(
@@ -70,7 +71,7 @@ def convert(
             error of the call: it is a finding of the job.
     """
     known = cell_of(cell)
-    toolpath = part if isinstance(part, ToolPath) else read(part, known)
+    toolpath = part_of(part, known)
     request = ConvertRequest(
         source=toolpath.path,
         cell=known.path,
@@ -169,87 +170,6 @@ def batch(
     return run_batch(todo, Path(output), options, progress)
 
 
-def stiffness(
-    part: ToolPath | Source,
-    cell: Cell | Source,
-    *,
-    model: Source | None = None,
-    tags: Sequence[str] | None = None,
-    step_deg: float | None = None,
-    most: int = 24,
-) -> SpinStiffness:
-    """Return the stiffness of tags over the rotation about the tool axis.
-
-    Args:
-        part: a toolpath of ``read``, or a file.
-        cell: a cell of ``load_cell``, or a file.
-        model: model file whose joint stiffness counts instead of the cell's.
-        tags: names; None: key tags.
-        step_deg: of the rotation; None: the cell's.
-        most: how many key tags.
-
-    Returns:
-        ``good``, ``curves``, ``document``, ``report(file)``.
-
-    Raises:
-        CellError: PLN208 without joint stiffness.
-        DataError: MOD008 if the model has none; STF027 for a tag that is not there.
-    """
-    known = cell_of(cell)
-    return spin_stiffness(
-        part if isinstance(part, ToolPath) else read(part, known),
-        known,
-        model=None if model is None else str(model),
-        tags=None if tags is None else ",".join(tags),
-        step=None if step_deg is None else step_deg * DEG,
-        most=most,
-    )
-
-
-def verify(
-    program: Source,
-    cell: Cell | Source,
-    *,
-    against: ToolPath | Source | None = None,
-    model: Source | None = None,
-    tol_mm: float = 0.01,
-    tol_deg: float = 0.005,
-    collisions: bool = True,
-    progress: Progress | None = None,
-) -> VerifyReport:
-    """Return what the text of a program does on the robot model.
-
-    Args:
-        program: the .src file to start; sub-programs are taken from beside it.
-        cell: the cell it is to run in.
-        against: the toolpath or CAM file it was made from: every point, axis, arc, feed, hole,
-            dwell and event of it must be found.
-        model: model file of the arm: where the real, loaded tool lands is what counts.
-        tol_mm: how far a point may be off [mm].
-        tol_deg: how far the tool axis may be off [deg].
-        collisions: search for collisions along the motions.
-        progress: called with (done, total, what).
-
-    Returns:
-        Violations, warnings and the worst deviations.
-
-    Raises:
-        UsageError: VER002 if a model is given without anything to compare with, VER003 if a
-            tolerance is no finite number above 0.
-        KrlError: if a file is no KRL that could run.
-        ReadError: if a file is missing.
-    """
-    known = cell_of(cell)
-    if model is not None and against is None:
-        raise UsageError("VER002", "a model needs a CAM file: the real tool is compared with it")
-    toolpath = against
-    if toolpath is not None and not isinstance(toolpath, ToolPath):
-        toolpath = read(toolpath, known)
-    tolerances = Tolerances(_positive("tol_mm", tol_mm) * MM, _positive("tol_deg", tol_deg) * DEG)
-    arm = None if model is None else load_model(model)
-    return verify_part(program, known, toolpath, tolerances, collisions, progress, arm)
-
-
 def lint(
     *programs: Source, config: Sequence[Source] = (), options: LintOptions | None = None
 ) -> tuple[Finding, ...]:
@@ -288,15 +208,78 @@ def diff(old: Source, new: Source, *, tol_mm: float = 0.001, tol_deg: float = 0.
         UsageError: VER003 if a tolerance is negative or not finite.
     """
     tolerance = DiffTolerance(
-        _positive("tol_mm", tol_mm, or_zero=True), _positive("tol_deg", tol_deg, or_zero=True)
+        at_least("tol_mm", tol_mm, or_zero=True), at_least("tol_deg", tol_deg, or_zero=True)
     )
     return diff_programs(str(old), str(new), tolerance)
 
 
-def _positive(name: str, value: float, *, or_zero: bool = False) -> float:
-    """Return a tolerance that differences can be held against: against NaN, none is too large."""
-    is_number = isinstance(value, int | float) and math.isfinite(value)
-    if is_number and (value > 0.0 or (or_zero and value == 0.0)):
-        return value
-    expected = "a finite number, 0 or above" if or_zero else "a finite number above 0"
-    raise UsageError("VER003", f"{name} is {value!r}, expected {expected}")
+def predict(
+    measurements: Source,
+    cell: CellValues | Source,
+    model: ModelFile | Source | None = None,
+    *,
+    register: bool = False,
+    tool: int | None = None,
+) -> Prediction:
+    """Return the tool point that a model expects at each row of a measurement file.
+
+    Args:
+        measurements: CSV of commanded joints and conditions.
+        cell: the cell, or its file.
+        model: what is known of the arm; None: nominal.
+        register: fit the measured frame and the reflector anew on these rows.
+        tool: TOOL number of the one on the flange, in a cell with several.
+
+    Returns:
+        Points in the frame of the measurement, and the misfit.
+
+    Raises:
+        CellError: CEL015 if the cell has several tools and none is named.
+        DataError: if a file is wrong or lacks a column.
+    """
+    return predict_rows(measurements, cell_of(cell).for_tool(tool), model_of(model), register)[0]
+
+
+def holes(
+    xyz_mm: ArrayLike,
+    axes: ArrayLike,
+    *,
+    depth: ArrayLike | None = None,
+    feed: ArrayLike | None = None,
+    rpm: ArrayLike | None = None,
+    peck: ArrayLike | None = None,
+    dwell: ArrayLike | None = None,
+    diameter: ArrayLike | None = None,
+    clearance: ArrayLike | None = None,
+    retract: ArrayLike | None = None,
+    names: Sequence[str] | None = None,
+    name: str = "holes",
+) -> ToolPath:
+    """Return holes from arrays, as a point list with these columns gives them.
+
+    Args:
+        xyz_mm: (n, 3) points on the surface, CAM coordinates.
+        axes: (n, 3) from the tip of the tool to its holder.
+        depth: of the holes [mm], one number or (n,), as all below; None: points to touch.
+        feed: [mm/min]; None: the cell's.
+        rpm: spindle speed [1/min], negative: counterclockwise; None: the cell's.
+        peck: step of deep holes [mm].
+        dwell: at the bottom [s].
+        diameter: of the holes [mm].
+        clearance: height where the feed starts [mm].
+        retract: height where the tool ends [mm].
+        names: (n,) ids.
+        name: of the part and its program.
+
+    Returns:
+        Tags whose source line is their number, for ``convert`` and ``stiffness``.
+
+    Raises:
+        ReadError: if a number cannot be, such as a negative depth.
+        UsageError: CSV041 for arrays of another shape, or numbers that are not finite.
+    """
+    columns = {
+        "depth": depth, "feed": feed, "spindle": rpm, "peck": peck, "dwell": dwell,
+        "diameter": diameter, "clearance": clearance, "retract": retract,
+    }  # fmt: skip
+    return holes_of(name, xyz_mm, axes, columns, names)

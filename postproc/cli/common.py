@@ -236,13 +236,6 @@ def _all(function: Callable[P, R], options: Sequence[Decorator]) -> Callable[P, 
     return function
 
 
-def reading_names() -> tuple[str, ...]:
-    """Return the options of ``reading_options``."""
-    from postproc.cell import Reading
-
-    return (*Reading.__annotations__, "recover")
-
-
 def reading_options(function: Callable[P, R]) -> Callable[P, R]:
     """Add what says how a CAM file is to be read, alike in all commands that read one."""
     from postproc.cell import Reading
@@ -273,7 +266,9 @@ def planning_options(function: Callable[P, R]) -> Callable[P, R]:
 
 def reading(options: Mapping[str, Any]) -> dict[str, Any]:
     """Return those of a command's options that ``reading_options`` added."""
-    return {name: options[name] for name in reading_names()}
+    from postproc.readers import READING
+
+    return {name: options[name] for name in READING}
 
 
 def given(kind: type, options: Mapping[str, Any]) -> dict[str, Any]:
@@ -287,9 +282,9 @@ def read_cam(source: str, options: Mapping[str, Any], cell: Cell) -> ToolPath:
     Raises:
         DataError: from the reader.
     """
-    from postproc.jobs.convert import ConvertRequest, read_toolpath
+    from postproc.jobs.given import read
 
-    return read_toolpath(ConvertRequest(source, options["cell"], **reading(options)), cell)
+    return read(source, cell, **reading(options))
 
 
 def _registered(

@@ -25,6 +25,7 @@ from postproc.emitters import emitter_of
 from postproc.errors import CellError, EmitError, Finding, Severity, SourceRef
 from postproc.geometry import AXES, across, inverse, kuka_from_transform, rotation_about, transform
 from postproc.jobs.arm_doubts import arm_doubts
+from postproc.jobs.given import Source, cell_of
 from postproc.jobs.paged import Paged
 from postproc.jobs.solid_doubts import size_findings
 from postproc.kinematics import Kinematics, build, is_coaxial_with_axis_6, wrist_distance
@@ -91,18 +92,25 @@ class CellCheck(Paged):
         return page_of_cell(self)
 
 
-def checked(cell: Cell, backup: str | None = None, templates: bool = False) -> CellCheck:
-    """Return what a loaded cell is and what is wrong with it.
+def check(
+    cell: Cell | Source, *, backup: Source | None = None, templates: bool = False
+) -> CellCheck:
+    """Return what a cell is and what is wrong with it.
 
     Args:
-        cell: what was loaded.
-        backup: of the controller to compare with.
-        templates: test the cell's own templates too.
+        cell: a cell of ``load_cell``, or a file.
+        backup: of the controller to compare with: ZIP or folder.
+        templates: test the cell's own templates without a part.
+
+    Returns:
+        ``good``, ``findings``, ``document``, ``report(file)``.
 
     Raises:
-        CellError: if a mesh file is broken or the robot's geometry cannot be used.
+        CellError: if the cell cannot be loaded, a mesh is broken or the robot's geometry cannot be
+            used.
         ReadError: BAK001 to BAK007 if the backup cannot be used.
     """
+    cell = cell_of(cell)
     found = check_cell(cell)
     if templates:
         from postproc.jobs.check_templates import template_findings

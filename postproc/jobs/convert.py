@@ -6,7 +6,7 @@ run on the robot model and compared with the CAM path first.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import field, replace
 from difflib import get_close_matches
 from pathlib import Path
@@ -30,10 +30,9 @@ from postproc.errors import CellError, DataError, Finding, PostprocError, Severi
 from postproc.files import remove_files, write_files
 from postproc.jobs.arm_doubts import warned_doubts
 from postproc.jobs.causes import Cause, causes
-from postproc.jobs.joint_targets import with_joint_targets
+from postproc.jobs.given import read
 from postproc.jobs.solid_doubts import place_findings, size_findings
 from postproc.jobs.trade import Outcome, lost_percent, outcomes
-from postproc.jobs.unit_doubts import check_units
 from postproc.kinematics import build
 from postproc.krl import legal_name
 from postproc.model import AlongPath, ModelFile, Plan, ToolPath, load_model
@@ -49,7 +48,6 @@ from postproc.planning import plan as plan_toolpath
 from postproc.process import (
     as_served,
     assumptions,
-    bases_named,
     claimed,
     driven,
     feed_findings,
@@ -60,12 +58,11 @@ from postproc.process import (
     stands,
     start_findings,
     unit_findings,
-    with_orientation,
     word_findings,
     words_settled,
 )
 from postproc.progress import Clock, Progress
-from postproc.readers import ReadOptions, SurfaceNormals, filled, read, read_pins
+from postproc.readers import READING, read_pins
 from postproc.records import dataclass
 from postproc.units import DEG, MM, N_PER_MM
 
@@ -260,30 +257,8 @@ def explained(conversion: Conversion, request: ConvertRequest) -> Conversion:
 
 
 def read_toolpath(request: ConvertRequest, cell: Cell) -> ToolPath:
-    """Read the CAM file with what the cell knows: tool axis, surface for missing normals.
-
-    What the request leaves open is read as ``[import]`` of the cell says; words that either
-    accepts are accepted.
-    """
-    habits = cell.reading
-    options = ReadOptions(
-        **filled(request, habits),
-        recover=request.recover,
-        accept_words=(*habits.accept_words, *request.accept_words),
-        tool_axis=tuple(float(v) for v in _known_axis(cell)),
-        surface_normals=_surface_normals(cell),
-    )
-    toolpath = read(request.source, request.format or habits.format, options)
-    if np.isnan(toolpath.axes).any() and len(cell.tools) == 1:
-        cell.tool.axis  # noqa: B018 - asks for the axis that the file's orientations need
-    toolpath = with_orientation(with_joint_targets(toolpath, cell), cell)
-    check_units(toolpath, cell)
-    return toolpath
-
-
-def _known_axis(cell: Cell) -> FloatArray:
-    known = cell.tool.known_axis
-    return np.full(3, np.nan) if known is None else known
+    """Return what a request reads, with what the cell knows; errors as ``read``."""
+    return read(request.source, cell, **{name: getattr(request, name) for name in READING})
 
 
 def with_pins(cell: Cell, toolpath: ToolPath, path: str) -> Cell:
@@ -306,26 +281,6 @@ def with_pins(cell: Cell, toolpath: ToolPath, path: str) -> Cell:
             )
     merged = {**cell.optimize.pins, **{pin.tag: pin.spin_deg * DEG for pin in pins}}
     return replace(cell, optimize=replace(cell.optimize, pins=merged))
-
-
-def _surface_normals(cell: Cell) -> SurfaceNormals | None:
-    """Return the normals of the workpieces' meshes in the base of each row, None without any."""
-    if not any(base.meshes for base in cell.bases):
-        return None
-
-    def normals(points: FloatArray, bases: Sequence[str] = (), /) -> FloatArray:
-        from postproc.collision import Scene
-
-        kinematics = build(cell.robot)
-        entry = bases_named(bases or [""] * len(points), cell)
-        found = np.tile([0.0, 0.0, 1.0], (len(points), 1))  # what no base claims stops later
-        for index in np.unique(entry[entry >= 0]).tolist():
-            rows = np.flatnonzero(entry == index)
-            scene = Scene.shared(cell.with_tool(cell.tool_index, index), kinematics)
-            found[rows] = scene.surface_normals(points[rows])
-        return found
-
-    return normals
 
 
 def _outward(toolpath: ToolPath, cell: Cell) -> FloatArray | None:

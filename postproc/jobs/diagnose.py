@@ -26,6 +26,7 @@ from postproc.gap import (
     summary,
 )
 from postproc.gap import diagnose as diagnose_problem
+from postproc.jobs.given import Source, cell_of, model_of, part_of
 from postproc.jobs.measure_next import files as next_files
 from postproc.jobs.measure_next import keep_readings, measure_next
 from postproc.jobs.paged import Paged
@@ -148,44 +149,58 @@ class DiagnosisJob(Paged):
 
 
 def diagnose(
-    measurements: Sequence[str | Path],
-    cell: Cell,
-    model: ModelFile | None = None,
+    measurements: Source | Sequence[Source],
+    cell: Cell | Source,
+    *,
+    model: ModelFile | Source | None = None,
     register: bool = False,
-    toolpath: ToolPath | None = None,
-    progress: Progress | None = None,
-    before: Sequence[str | Path] = (),
+    program: ToolPath | Source | None = None,
+    before: Source | Sequence[Source] = (),
     self_check_trials: int = 0,
+    tool: int | None = None,
+    progress: Progress | None = None,
 ) -> DiagnosisJob:
-    """Return the diagnosis of one campaign in one or several files.
+    """Return where a robot misses its model, which effect causes it and how far that shrinks it.
 
     Args:
-        measurements: the files.
-        cell: robot and tool.
+        measurements: CSV of a campaign, or several files of one.
+        cell: the cell it was measured in, or its file.
         model: what the simulation knows already; what it says of motions along a path waits.
-        register: fit the measured frame and the reflector's place first.
-        toolpath: tells where along a CAM file the gap lies.
-        progress: called with (done, total, what).
-        before: files of the campaign whose diagnosis the rows were compensated with; it knew
-            nothing before.
+        register: the measured frame and the reflector's place on the tool are unknown: fit them.
+        program: toolpath or CAM file; tells where along it the gap lies.
+        before: the campaign before the compensation, whose diagnosis knew nothing: promised
+            against measured, by row ids.
         self_check_trials: arms of each effect and size that are put into the rows; 0: none.
+        tool: TOOL number of the one on the flange, in a cell with several.
+        progress: called with (done, total, what).
+
+    Returns:
+        The job: verdict, adopted effects, document, model.
 
     Raises:
+        CellError: CEL015 if the cell has several tools and none is named.
         DataError: if a file is wrong or lacks a column, or the campaigns share no rows (GAP008).
     """
-    kinematics, given = build(cell.robot), model
-    model = None if given is None else split(given)[0]
-    whole = bool(before) or self_check_trials > 0
-    rows = readings(measurements, kinematics, cell, model, register, any_reading=not whole)
+    cell = cell_of(cell).for_tool(tool)
+    kinematics, given = build(cell.robot), model_of(model)
+    known = None if given is None else split(given)[0]
+    toolpath = None if program is None else part_of(program, cell)
+    files, earlier = _files(measurements), _files(before)
+    whole = bool(earlier) or self_check_trials > 0
+    rows = readings(files, kinematics, cell, known, register, any_reading=not whole)
     promise = None
-    if before:
-        earlier = readings(before, kinematics, cell, None, register)
-        told = diagnose_problem(pose_problem(earlier, kinematics, cell, None, register), progress)
+    if earlier:
+        old = readings(earlier, kinematics, cell, None, register)
+        told = diagnose_problem(pose_problem(old, kinematics, cell, None, register), progress)
         promise = kept(told, rows)
-    problem = pose_problem(rows, kinematics, cell, model, register)
+    problem = pose_problem(rows, kinematics, cell, known, register)
     diagnosis = diagnose_problem(problem, progress)
     path = None if toolpath is None else along(diagnosis, toolpath, cell)
     checked = None
     if self_check_trials:
-        checked = self_check(diagnosis, cell, model, self_check_trials, progress)
+        checked = self_check(diagnosis, cell, known, self_check_trials, progress)
     return DiagnosisJob(diagnosis, cell, given, path, promise, checked)
+
+
+def _files(source: Source | Sequence[Source]) -> list[Source]:
+    return [source] if isinstance(source, Source) else list(source)

@@ -15,8 +15,14 @@ _ROW = re.compile(r"\| \*\*(?P<words>.+?)\*\* \| (?P<meaning>.+) \|")
 _LINK = re.compile(r"\[([^]]+)\]\([^)]+\)")
 
 
-def explained(code: str) -> Entry:
-    """Return what a finding code, a kind of violation, an effect or a word means.
+def explain(code: str) -> Entry:
+    """Return what a finding code, a kind of violation, an effect of a diagnosis or a word means.
+
+    Args:
+        code: such as ``PLN101``, ``joint_limit``, the name of an effect.
+
+    Returns:
+        ``title``, ``cause``, ``remedy``, ``severity``.
 
     Raises:
         UsageError: CLI014 if nothing has this name.

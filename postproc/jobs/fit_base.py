@@ -12,8 +12,10 @@ from postproc.arrays import FloatArray
 from postproc.cell import XYZ_DIGITS, Cell, base_location, edited_cell, frame_document
 from postproc.errors import CellError, Finding, Severity, SourceRef
 from postproc.geometry import kuka_from_transform
+from postproc.jobs.given import Source, cell_of, part_of
 from postproc.krl import Pose, value_text
-from postproc.measurement import BaseFit, DatumPoints, fit_base, read_datum_points
+from postproc.measurement import BaseFit, DatumPoints, read_datum_points
+from postproc.measurement import fit_base as fitted
 from postproc.model import MotionKind, ToolPath
 from postproc.process import as_served, claimed
 from postproc.records import dataclass
@@ -124,34 +126,42 @@ class BaseJob:
         }
 
 
-def base_of_points(
-    source: str | Path, cell: Cell, number: int | None = None, toolpath: ToolPath | None = None
+def fit_base(
+    points: Source,
+    cell: Cell | Source,
+    *,
+    base: int | None = None,
+    part: ToolPath | Source | None = None,
 ) -> BaseJob:
-    """Return the base of a cell from measured datum points.
+    """Return the base that fits datum points: nominal on the part, measured in the robot root.
 
     Args:
-        source: CSV of nominal and measured points.
-        cell: whose base it is.
-        number: KUKA BASE number; None: the only one.
-        toolpath: the job; the uncertainty is told at its holes, or where it has none at its tags.
+        points: CSV ``id,x_mm,y_mm,z_mm,mx_mm,my_mm,mz_mm`` and, where known, ``sigma_mm``.
+        cell: a cell of ``load_cell``, or a file.
+        base: BASE number, in a cell with several.
+        part: whose holes are asked how sure they are, or its tags where it has none.
+
+    Returns:
+        ``good``, ``frame``, ``findings``, ``document``, ``base_data``, ``cell_file(output)``.
 
     Raises:
         CellError: CEL041 for a base that the cell does not have, or none named among several.
-        DataError: if the points give no frame.
+        DataError: if the file holds no points, or they give no frame.
     """
-    index = base_index(cell, number)
-    points = read_datum_points(source)
+    cell = cell_of(cell)
+    index = base_index(cell, base)
+    found = read_datum_points(points)
     holes = np.zeros((0, 3))
-    if toolpath is not None:
-        claims = claimed(as_served(toolpath, cell), cell)
+    if part is not None:
+        claims = claimed(as_served(part_of(part, cell), cell), cell)
         known = (claims.base == index) & np.isfinite(claims.toolpath.points).all(axis=1)
         drilled = known & (np.asarray(claims.toolpath.kind) == MotionKind.HOLE)
         holes = np.asarray(claims.toolpath.points)[drilled if drilled.any() else known]
-    return BaseJob(points, fit_base(points), cell, index, holes)
+    return BaseJob(found, fitted(found), cell, index, holes)
 
 
 def base_index(cell: Cell, number: int | None) -> int:
-    """Return the setup of a cell that a KUKA BASE number means; errors as ``base_of_points``."""
+    """Return the setup of a cell that a KUKA BASE number means; errors as ``fit_base``."""
     numbers = [base.number for base in cell.bases]
     if number in numbers:
         return numbers.index(number)

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import cached_property
-from types import SimpleNamespace
 from typing import Any
 
 from postproc.cell import Cell, Reading
 from postproc.errors import Finding
+from postproc.jobs.given import Source, cell_of
 from postproc.model import ToolPath
 from postproc.process import looks, word_findings
-from postproc.readers import ReadOptions, filled, read
+from postproc.readers import READING, read, read_options
 from postproc.report.inspection import cell_tables, inspection, text_lines
 
 
@@ -40,24 +39,30 @@ class Inspection:
         return (*text_lines(self.part), *more)
 
 
-def inspect(source: str, options: Mapping[str, Any], cell: Cell | None = None) -> Inspection:
-    """Read a CAM file without asking for what only a cell knows.
+def inspect(
+    path: Source,
+    cell: Cell | Source | None = None,
+    **reading: Any,  # noqa: ANN401 - as of ``read``
+) -> Inspection:
+    """Return what is in a CAM file, before any robot is involved.
 
     Args:
-        source: the file.
-        options: ``format`` and fields of ``ReadOptions``; None: as the cell says.
-        cell: its ``[import]`` fills what is left open.
+        path: the file.
+        cell: its ``[import]`` fills what is left open; None: the file alone.
+        reading: how the file is read, as of ``read``.
+
+    Returns:
+        ``part``, ``document``, ``findings``, ``summary``.
 
     Raises:
         ReadError: if the file cannot be read as its format.
+        TypeError: for an option that is none.
         UsageError: if an option is wrong.
     """
-    call, habits = SimpleNamespace(**options), Reading() if cell is None else cell.reading
-    words = ReadOptions(accept_words=call.accept_words).accepted_words
-    given = ReadOptions(
-        **filled(call, habits),
-        points_only=True,
-        recover=call.recover,
-        accept_words=(*habits.accept_words, *words),
-    )
-    return Inspection(read(source, call.format or habits.format, given))
+    unknown = sorted(set(reading) - set(READING))
+    if unknown:
+        raise TypeError(f"no option {unknown[0]!r}, known are {', '.join(READING)}")
+    call = dict.fromkeys(READING) | {"accept_words": (), "recover": False} | reading
+    habits = Reading() if cell is None else cell_of(cell).reading
+    options = read_options(call, habits, points_only=True)
+    return Inspection(read(path, call["format"] or habits.format, options))

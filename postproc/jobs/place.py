@@ -15,6 +15,7 @@ from postproc.cell import Cell, cell_changes, edited_cell, frame_document
 from postproc.errors import CellError, Finding, SourceRef, UsageError
 from postproc.geometry import inverse, kuka_from_transform, rotation_z, transform_from_kuka
 from postproc.jobs.convert import Conversion, ConvertRequest, convert, document, smallest_clearance
+from postproc.jobs.given import Source, cell_of, part_of
 from postproc.jobs.paged import Paged
 from postproc.kinematics import build
 from postproc.model import ToolPath
@@ -125,29 +126,35 @@ class PlaceJob(Paged):
 
 
 def place(
-    toolpath: ToolPath,
-    cell: Cell,
+    part: ToolPath | Source,
+    cell: Cell | Source,
     box_mm: Sequence[float] | None = None,
+    *,
     free: str = "xyz",
     move: str = "part",
     progress: Progress | None = None,
 ) -> PlaceJob:
-    """Return the best place for a job: all tags in reach, then stiff, clear, with limits far.
+    """Return the best place for a job: every tag in reach, then stiff, clear and unwound.
 
     Args:
-        toolpath: what was read.
-        cell: everything but the place.
-        box_mm: X0 Y0 Z0 X1 Y1 Z1 for the origin of what moves: of the part in the robot root, of
-            the robot in the world; None: wherever the arm reaches.
+        part: a toolpath of ``read``, or a file.
+        cell: a cell of ``load_cell``, or a file.
+        box_mm: (6,) lowest and highest corner of where the origin of what moves may be: of the part
+            in the robot root, of the robot in the world; None: wherever the arm reaches.
         free: ``xyz``, or ``xyzA`` with turns about the vertical.
         move: ``part``, ``robot``, or ``rail`` with the robot on it.
         progress: called with (done, total, what).
+
+    Returns:
+        ``good``, ``frame``, ``findings``, ``document``, ``cell_file(output)``.
 
     Raises:
         CellError: CEL043 to move a rail that the cell does not have.
         UsageError: CLI016 for a box that is none, or none without a solid of the workpiece.
     """
     report = progress or (lambda done, total, what: None)
+    cell = cell_of(cell)
+    toolpath = part_of(part, cell)
     _check_call(cell, box_mm, free, move)
     search = _Search(Reach.of(toolpath, cell), cell, move, report)
     low, high = search.box() if box_mm is None else np.reshape(np.array(box_mm, float), (2, 3))

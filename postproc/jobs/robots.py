@@ -21,13 +21,29 @@ from postproc.units import DEG, MM, NMM_PER_RAD
 _LENGTHS = ("a1", "a2", "b", "c1", "c2", "c3", "c4")
 
 
-def robots(reach: float | None = None, payload: float | None = None) -> list[dict[str, Any]]:
-    """Return the built-in robots that reach [mm] and carry [kg] as much as is asked."""
+def robots(
+    name: str | None = None, *, reach_mm: float | None = None, payload_kg: float | None = None
+) -> list[dict[str, Any]]:
+    """Return the built-in robots with all their numbers and where each is from.
+
+    Args:
+        name: in any spelling; None: all.
+        reach_mm: only those that reach so far.
+        payload_kg: only those that carry so much.
+
+    Returns:
+        For each robot what ``robots NAME --json`` prints.
+
+    Raises:
+        CellError: CEL010 for an unknown robot.
+    """
+    if name is not None:
+        return [robot_document(load_robot(name))]
     documents = [robot_document(load_robot(known)) for known in robot_names()]
     return [
         d
         for d in documents
-        if d["reach_mm"] >= (reach or 0) and (d["payload_kg"] or 0) >= (payload or 0)
+        if d["reach_mm"] >= (reach_mm or 0) and (d["payload_kg"] or 0) >= (payload_kg or 0)
     ]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from postproc.arrays import FloatArray, IndexArray
 from postproc.cell import Cell
 from postproc.errors import DataError, Finding, SourceRef
 from postproc.geometry import apply
+from postproc.jobs.given import Source, cell_of, part_of
 from postproc.jobs.paged import Paged
 from postproc.kinematics import build
 from postproc.model import ToolPath, load_model
@@ -18,7 +20,7 @@ from postproc.planning import INDICES, SpinCurves, spin_curves, spin_degrees
 from postproc.process import claimed, word_findings
 from postproc.records import dataclass
 from postproc.stiffness import describe
-from postproc.units import N_PER_MM
+from postproc.units import DEG, N_PER_MM
 
 
 @dataclass(frozen=True)
@@ -94,30 +96,37 @@ class SpinStiffness(Paged):
 
 
 def stiffness(
-    toolpath: ToolPath,
-    cell: Cell,
-    model: str | None = None,
-    tags: str | None = None,
-    step: float | None = None,
+    part: ToolPath | Source,
+    cell: Cell | Source,
+    *,
+    model: Source | None = None,
+    tags: Sequence[str] | None = None,
+    step_deg: float | None = None,
     most: int = 24,
 ) -> SpinStiffness:
     """Return the stiffness of tags over the rotation about the tool axis.
 
     Args:
-        toolpath: what was read.
-        cell: robot with its joint stiffness, tool, workpiece, solids.
-        model: file whose joint stiffness counts instead of the cell's.
-        tags: names, with commas between; None: key tags.
-        step: of the rotation [rad]; None: the cell's.
+        part: a toolpath of ``read``, or a file.
+        cell: a cell of ``load_cell``, or a file.
+        model: model file whose joint stiffness counts instead of the cell's.
+        tags: names; None: key tags.
+        step_deg: of the rotation; None: the cell's.
         most: how many key tags.
+
+    Returns:
+        ``good``, ``curves``, ``document``, ``report(file)``.
 
     Raises:
         CellError: PLN208 without joint stiffness.
         DataError: MOD008 if the model has none; STF027 for a tag that is not there.
     """
+    cell = cell_of(cell)
+    toolpath = part_of(part, cell)
     words = "constant joint stiffness of the cell"
     if model is not None:
-        cell, words = _with_model(model, cell)
+        cell, words = _with_model(str(model), cell)
+    step = None if step_deg is None else step_deg * DEG
     curves = spin_curves(toolpath, cell, _tags(tags, toolpath), step, most)
     claims = claimed(toolpath, cell)
     findings = (*word_findings(claims.toolpath), *claims.findings)
@@ -135,16 +144,15 @@ def _with_model(path: str, cell: Cell) -> tuple[Cell, str]:
     return cell_with_model(cell, model), f"joint stiffness of {Path(path).name}: {describe(field)}"
 
 
-def _tags(text: str | None, toolpath: ToolPath) -> IndexArray | None:
-    if text is None:
+def _tags(wanted: Sequence[str] | None, toolpath: ToolPath) -> IndexArray | None:
+    if wanted is None:
         return None
     names = {toolpath.tag_name(i): i for i in range(len(toolpath))}
-    wanted = [name.strip() for name in text.split(",") if name.strip()]
     unknown = [name for name in wanted if name not in names]
     if unknown or not wanted:
         raise DataError(
             "STF027",
-            f"no tag is named {unknown[0] if unknown else text!r}",
+            f"no tag is named {unknown[0] if unknown else ''!r}",
             SourceRef(toolpath.path),
             hint=f"the first ones are {', '.join(list(names)[:5])}",
         )

@@ -1,14 +1,14 @@
 """CAM files to ToolPath; one format per file, found by the registry."""
 
 from postproc.readers.base import (
-    HABITS,
     HEAD_BYTES,
     LENGTH_UNITS,
     READERS,
+    READING,
     Reader,
     ReadOptions,
     SurfaceNormals,
-    filled,
     read,
+    read_options,
 )
 from postproc.readers.csv import holes_of, read_pins

@@ -8,7 +8,7 @@ reader, so a large one loads what it reads with in its ``read``.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol, TypeVar, runtime_checkable
@@ -142,9 +142,22 @@ HABITS = (
 """Options of a call that ``[import]`` of the cell fills where the call leaves them open."""
 
 
-def filled(request: object, habits: Reading) -> dict[str, Any]:
-    """Return the options of ``HABITS`` that a call has, those of its cell where it has none."""
-    return {name: getattr(request, name) or getattr(habits, name) for name in HABITS}
+READING = ("format", *HABITS, "accept_words", "recover")
+"""What a call may say of how a file is to be read."""
+
+
+def read_options(call: Mapping[str, Any], habits: Reading, **more: Any) -> ReadOptions:  # noqa: ANN401 - fields of the options
+    """Return how a file is to be read: as a call says, else as its cell does.
+
+    Args:
+        call: ``HABITS``, each empty where the call leaves it open; ``accept_words``, ``recover``.
+        habits: of the cell; words that either accepts are accepted.
+        more: further fields of the options.
+    """
+    chosen = {name: call[name] or getattr(habits, name) for name in HABITS}
+    words = ReadOptions(accept_words=call["accept_words"]).accepted_words
+    accepted = (*habits.accept_words, *words)
+    return ReadOptions(**chosen, accept_words=accepted, recover=call["recover"], **more)
 
 
 @runtime_checkable

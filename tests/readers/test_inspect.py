@@ -9,9 +9,8 @@ import pytest
 
 from postproc.cell import load_cell
 from postproc.cli.app import run
-from postproc.cli.common import reading_names
 from postproc.jobs.convert import ConvertRequest, read_toolpath
-from postproc.readers import read
+from postproc.readers import READING, read
 from postproc.report.inspection import distinct_axes, inspection
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -120,7 +119,7 @@ READS = [
 def test_all_commands_that_read_a_cam_file_share_its_options(name, capsys):
     assert run([name, "--help"]) == 0
     out = capsys.readouterr().out
-    for option in reading_names():
+    for option in READING:
         assert f"--{option.replace('_', '-')}" in out
 
 

@@ -72,7 +72,7 @@ class HooksTable(Table):
 class KrlOptions(Options):
     """How programs are written."""
 
-    emitter: str = key("kuka_krl", "what writes them; see `postproc plugins`", form=Text)
+    emitter: str = key("kuka_krl", "what writes the programs; see `postproc plugins`", form=Text)
     template: str = key(
         "default", "built-in template, or a folder relative to the cell file", form=Text
     )

@@ -35,9 +35,9 @@ def command(
     notes do not.
     """
     from postproc.cell import load_cell
-    from postproc.jobs.check_cell import checked
+    from postproc.jobs.check_cell import check
 
-    found = checked(load_cell(cell), backup, templates)
+    found = check(load_cell(cell), backup=backup, templates=templates)
     if report:
         found.report(report)
     session.document(found.document)

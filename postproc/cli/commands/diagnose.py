@@ -125,12 +125,12 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         job = diagnose(
             options["measurements"],
             cell,
-            model,
-            options["registered"],
-            toolpath,
-            progress,
-            options["before"],
-            options["trials"] if options["self_check"] else 0,
+            model=model,
+            register=options["registered"],
+            program=toolpath,
+            before=options["before"],
+            self_check_trials=options["trials"] if options["self_check"] else 0,
+            progress=progress,
         )
     job.accept(options["accept"])
     return _told(session, options, job)

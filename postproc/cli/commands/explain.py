@@ -9,7 +9,7 @@ import click
 from postproc.cli import completion
 from postproc.cli.common import Session, answer, standard_options
 from postproc.codes import Entry, groups
-from postproc.jobs.explain import explain_document, explained
+from postproc.jobs.explain import explain, explain_document
 
 EPILOG = """\b
 Examples:
@@ -37,7 +37,7 @@ def command(session: Session, /, code: str | None) -> int:
         session.document({"schema": "postproc.explain/1", "codes": codes})
         session.show("\n\n".join(_listing()))
     else:
-        entry = explained(code)
+        entry = explain(code)
         session.document(explain_document(entry))
         session.show(_page(entry))
     return answer(good=True)

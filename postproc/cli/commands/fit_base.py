@@ -33,11 +33,11 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     """
     from postproc.cell import load_cell
     from postproc.files import write_files
-    from postproc.jobs.fit_base import base_of_points
+    from postproc.jobs.fit_base import fit_base
 
     cell = load_cell(options["cell"])
     toolpath = read_cam(options["job"], options, cell) if options["job"] else None
-    job = base_of_points(options["points"], cell, options["base"], toolpath)
+    job = fit_base(options["points"], cell, base=options["base"], part=toolpath)
     content = job.document
     if options["output"] and job.good:
         write_files({Path(options["output"]): job.cell_file(options["output"])})

@@ -67,7 +67,15 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
 
     cell = load_cell(options["cell"]).for_tool(options["tool"])
     with session.progress() as progress:
-        job = identify(options["source"], cell, _settings(options), progress)
+        job = identify(
+            options["source"],
+            cell,
+            grid_mm=options["grid"],
+            origin_mm=options["origin"],
+            blend=options["between_cells"] == "blend",
+            **{name: options[name] for name in ("method", "confidence", "register")},
+            progress=progress,
+        )
     contents = {Path(options["output"]): save_model(job.model)}
     if options["report"]:
         contents[Path(options["report"])] = job.page()
@@ -77,23 +85,6 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     for text in job.warnings:
         session.say(f"warning: {text}")
     return answer(good=True)
-
-
-def _settings(options: dict[str, Any]) -> Any:  # noqa: ANN401 - imported lazily
-    import numpy as np
-
-    from postproc.stiffness.identify import IdentifyOptions
-    from postproc.units import MM
-
-    edge, method = options["grid"], options["method"]
-    return IdentifyOptions(
-        method=method or ("grid" if edge is not None else "auto"),
-        grid=None if edge is None else edge * MM,
-        origin=None if options["origin"] is None else np.array(options["origin"]) * MM,
-        blend=options["between_cells"] == "blend",
-        confidence=options["confidence"],
-        register=options["register"],
-    )
 
 
 def _summary(session: Session, content: dict[str, Any], options: dict[str, Any]) -> None:

@@ -22,11 +22,9 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
 
     Words that convert would refuse are listed with their lines; nothing is written.
     """
-    from postproc.cell import load_cell
     from postproc.jobs.inspect import inspect
 
-    cell = load_cell(options["cell"]) if options["cell"] else None
-    found = inspect(options["source"], reading(options), cell)
+    found = inspect(options["source"], options["cell"], **reading(options))
     if session.json:
         session.document(found.document)
     else:

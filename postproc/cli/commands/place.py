@@ -66,7 +66,8 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     cell = load_cell(options["cell"])
     toolpath = read_cam(options["source"], options, cell)
     with session.progress() as progress:
-        job = place(toolpath, cell, options["box"], options["free"], options["move"], progress)
+        asked = {name: options[name] for name in ("free", "move")}
+        job = place(toolpath, cell, options["box"], **asked, progress=progress)
     if options["output"] and job.good:
         write_files({Path(options["output"]): job.cell_file(options["output"])})
     if options["report"]:

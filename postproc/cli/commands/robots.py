@@ -38,15 +38,14 @@ def command(
     it on the real robot). Trust: A a machine file or URDF and one more source agree, B one of these
     alone or two tables agree, C one table alone. Your own cell file can override all numbers.
     """
-    from postproc.cell import load_robot
-    from postproc.jobs.robots import robot_document, robots
+    from postproc.jobs.robots import robots
 
     if name is None:
-        documents = robots(reach, payload)
+        documents = robots(reach_mm=reach, payload_kg=payload)
         session.document({"schema": "postproc.robots/1", "robots": documents})
         session.table(_HEAD, _rows(documents))
     else:
-        document = robot_document(load_robot(name))
+        (document,) = robots(name)
         session.document({"schema": "postproc.robots/1", **document})
         session.show(_page(document))
     return answer(good=True)

@@ -18,6 +18,10 @@ Examples:
 """
 
 
+def _angles(context: click.Context, parameter: click.Parameter, text: str) -> list[float]:
+    return [NUMBER.convert(word, parameter, context) for word in text.split(",")]
+
+
 @click.command(epilog=EPILOG)
 @CELL
 @TOOL
@@ -66,6 +70,7 @@ Examples:
     default="-10,0,10",
     show_default=True,
     metavar="DEG,DEG,...",
+    callback=_angles,
     help="Angles of the postures.",
 )
 @click.option(
@@ -124,10 +129,14 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     from postproc.cell import load_cell
     from postproc.jobs.measuring_plan import measuring_plan
 
-    cell = load_cell(options["cell"]).for_tool(options["tool"])
+    names = {"box": "box_mm", "grid": "grid_mm", "angles": "angles_deg", "load_at": "load_at_mm",
+             "orientation": "orientation_deg", "force": "forces_N", "wait": "wait_s",
+             "speed": "speed_percent"}  # fmt: skip
+    asked = {names.get(name, name): options[name] for name in options.keys() - {"cell", "output"}}
+    cell = load_cell(options["cell"])
     folder = Path(options["output"])
     with session.progress() as progress:
-        plan = measuring_plan(cell, options, progress)
+        plan = measuring_plan(cell, **asked, progress=progress)
     plan.write(folder)
     session.document(plan.document)
     show = _diagnosis_summary if options["for_diagnosis"] else _summary

@@ -45,15 +45,14 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     """
     from postproc.cell import load_cell
     from postproc.jobs.stiffness import stiffness
-    from postproc.units import DEG
 
-    cell = load_cell(options["cell"])
+    cell, tags = load_cell(options["cell"]), options["tags"]
     found = stiffness(
         read_cam(options["source"], options, cell),
         cell,
         model=options["model"],
-        tags=options["tags"],
-        step=None if options["step"] is None else options["step"] * DEG,
+        tags=None if tags is None else [name.strip() for name in tags.split(",") if name.strip()],
+        step_deg=options["step"],
         most=options["most"],
     )
     session.findings(found.findings)

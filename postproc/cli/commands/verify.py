@@ -89,19 +89,20 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     if model is not None:
         for name, missing in uncounted(cell, model).items():
             session.say(f"{name} is left out: a program does not give {', '.join(missing)}")
-    tolerances = Tolerances(options["tol_mm"] * MM, options["tol_deg"] * DEG)
     toolpath = None
     if options["against"]:
         toolpath = read_cam(options["against"], options, cell)
+    asked = {name: options[name] for name in ("tol_mm", "tol_deg")}
+    tolerances = Tolerances(asked["tol_mm"] * MM, asked["tol_deg"] * DEG)
     with session.progress() as progress:
         report = verify(
             options["program"],
             cell,
             toolpath,
-            tolerances,
-            not options["no_collisions"],
-            progress,
-            model,
+            model=model,
+            **asked,
+            collisions=not options["no_collisions"],
+            progress=progress,
         )
     files = {}
     if options["report"]:
