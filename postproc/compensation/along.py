@@ -42,11 +42,11 @@ by all that the joint loses; how far the speed drops there is in the run."""
 CORNER = 20.0 * DEG
 """From this turn [rad] on a point of a cut is a corner, beyond what shifts bend a line by."""
 ROUNDS = 3
+"""So often a program is shifted by what its own run misses."""
 FEEDS = 5
 """So often the feed is set by what the shifts have left."""
 FEED_CHANGE = (0.4, 1.2)
 """A share of the feed is multiplied by no less and no more at once."""
-"""So often a program is shifted by what its own run misses."""
 
 
 def split(file: ModelFile) -> tuple[ModelFile, dict[str, FloatArray]]:
@@ -101,35 +101,28 @@ class Follower:
         # blending may take the other half
         bound, least = 0.5 * self.cell.motion.corner_tolerance, self.cell.process.least_feed
         move = np.searchsorted(begin, place, "right") - 1
-        for shifting in self._answers() if plain.rms[0] >= SETTLED else ():
-            share = np.ones(len(plan))
-            for _ in range(FEEDS):
-                now = shifting.shifted(_slowed(plan, share, least), is_cut)
-                level = _Level.of(self.run(now)[1], place, point, now, doubt)
-                levels.append(level)
-                off = np.zeros(len(plan))
-                np.maximum.at(off, move, level.off)
-                wanted = np.clip(bound / np.maximum(off, SETTLED), *FEED_CHANGE)
-                before, share = share, np.clip(share * wanted, LEAST_SHARE, 1.0)
-                if (share == before).all():
-                    break
+        # a shift against what comes and goes after a joint turns back would turn it once more
+        lasting = {n: PATH_EFFECTS.get(n).lasting(theta) for n, theta in self.effects.items()}
+        shifting, share = replace(self, effects=lasting), np.ones(len(plan))
+        for _ in range(FEEDS) if plain.rms[0] >= SETTLED else ():
+            now = shifting.shifted(_slowed(plan, share, least), is_cut)
+            levels.append(_Level.of(self.run(now)[1], place, point, now, doubt))
+            off = np.zeros(len(plan))
+            np.maximum.at(off, move, levels[-1].off)
+            wanted = np.clip(bound / np.maximum(off, SETTLED), *FEED_CHANGE)
+            before, share = share, np.clip(share * wanted, LEAST_SHARE, 1.0)
+            if (share == before).all():
+                break
         good = [level for level in levels if level.is_no_worse(plain, rest[0])]
         best = min(good, key=lambda level: level.fourth)
         off_path = (plain.rms[0], plain.most[0], best.rms[0], best.most[0])
-        ends = (min(best.rms), max(best.rms))
-        low, high = (float(np.hypot(k, r)) for k, r in zip(ends, rest[1:], strict=True))
         kept = (np.asarray(best.plan.speed) / np.asarray(plan.speed))[is_cut]
         slowed = (int(np.sum(kept < 1.0)), float(kept.min(initial=1.0)))
+        # what the diagnosis left was left at the whole feed: of a lower one nobody knows how much
+        low = float(np.hypot(min(best.rms), 0.0 if slowed[0] else rest[1]))
+        high = float(np.hypot(max(best.rms), rest[2]))
         told = AlongPath(tuple(sorted(self.effects)), *off_path, rest[0], low, high, *slowed)
         return replace(best.plan, along_path=told)
-
-    def _answers(self) -> tuple[Follower, ...]:
-        """Return followers whose shifts are tried: of all effects, and of those that last.
-
-        A shift against what comes and goes after a joint turns back turns the joint once more.
-        """
-        lasting = {n: PATH_EFFECTS.get(n).lasting(theta) for n, theta in self.effects.items()}
-        return self, replace(self, effects=lasting)
 
     def shifted(self, plan: Plan, is_cut: BoolArray) -> Plan:
         """Return a plan with its cuts (m,) shifted by what its own run misses."""
