@@ -116,7 +116,7 @@ class Follower:
         good = [level for level in levels if level.is_no_worse(plain, rest[0])]
         best = min(good, key=lambda level: level.fourth)
         off_path = (plain.rms[0], plain.most[0], best.rms[0], best.most[0])
-        kept = (np.asarray(best.plan.speed) / np.asarray(plan.speed))[is_cut]
+        kept = np.nan_to_num(best.plan.speed / plan.speed, nan=1.0)[is_cut]
         slowed = (int(np.sum(kept < 1.0)), float(kept.min(initial=1.0)))
         # what the diagnosis left was left at the whole feed: of a lower one nobody knows how much
         low = float(np.hypot(min(best.rms), 0.0 if slowed[0] else rest[1]))

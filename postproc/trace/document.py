@@ -157,62 +157,47 @@ def _effects(found: PathDiagnosis) -> list[dict[str, Any]]:
             if proof.stage == verdict.stage.name:
                 rows.append(_effect(found, verdict, proof))
     place = {name: k for k, name in enumerate(found.adopted)}
-    rows.sort(
-        key=lambda row: (
-            place.get(row["name"], len(place)),
-            -row["probability"],
-            -row["shrinkage"],
-            row["name"],
-        )
-    )
-    return rows
+
+    def key(row: dict[str, Any]) -> tuple[int, float, float, str]:
+        name = row["name"]
+        return place.get(name, len(place)), -row["probability"], -row["shrinkage"], name
+
+    return sorted(rows, key=key)
 
 
 def _planned(found: PathDiagnosis, effect: Planned, proof: Proof) -> dict[str, Any]:
-    title, action = PLANNER[effect.name]
-    return {
-        "name": effect.name,
-        "stage": PROGRAM,
-        "probability": round(effect.probability, 6),
-        "adopted": effect.name in found.adopted,
-        **_shrunk(proof),
-        "judged_on": "corners not fitted" if effect.is_place else "lines at speed",
-        "parameters": effect.parameters,
-        "confounded_with": [],
-        "title": title,
-        "action": action,
-    }
+    judged_on = "corners not fitted" if effect.is_place else "lines at speed"
+    row = _row(proof, effect.probability, effect.parameters, judged_on, PLANNER[effect.name])
+    return row | {"adopted": effect.name in found.adopted, "confounded_with": []}
 
 
-def _shrunk(proof: Proof) -> dict[str, Any]:
+def _row(
+    proof: Proof, probability: float, table: dict[str, Any], judged_on: str, words: tuple[str, str]
+) -> dict[str, Any]:
     return {
+        "name": proof.name,
+        "stage": proof.stage,
+        "probability": round(probability, 6),
         "rms_before_mm": _mm(proof.before),
         "rms_after_mm": _mm(proof.after),
         "shrinkage": round(proof.shrinkage, 5),
         "shrinkage_ci": [round(end, 5) for end in proof.interval],
+        "judged_on": judged_on,
+        "parameters": table,
+        "title": words[0],
+        "action": words[1],
     }
 
 
 def _effect(found: PathDiagnosis, verdict: Verdict, proof: Proof) -> dict[str, Any]:
-    name, stage = proof.name, verdict.stage
+    name, effect = proof.name, PATH_EFFECTS.get(proof.name)
     fitted = verdict.fitted if name in verdict.adopted else verdict.with_each[name]
-    worth = float(np.sqrt(np.mean(verdict.worth)))
-    table = PATH_EFFECTS.get(name).table(
-        stage, fitted.thetas[name], worth * fitted.deviations[name]
-    )
-    twins = verdict.twins.get(name, ())
-    return {
-        "name": name,
-        "stage": stage.name,
-        "probability": round(verdict.probability[name] * proof.outweighs, 6),
-        "adopted": name in found.adopted and name in verdict.adopted,
-        **_shrunk(proof),
-        "judged_on": found.withheld_on,
-        "parameters": table,
-        "confounded_with": list(twins),
-        "title": PATH_EFFECTS.get(name).title,
-        "action": PATH_EFFECTS.get(name).action,
-    }
+    deviation = float(np.sqrt(np.mean(verdict.worth))) * fitted.deviations[name]
+    table = effect.table(verdict.stage, fitted.thetas[name], deviation)
+    probability = verdict.probability[name] * proof.outweighs
+    row = _row(proof, probability, table, found.withheld_on, (effect.title, effect.action))
+    is_adopted = name in found.adopted and name in verdict.adopted
+    return row | {"adopted": is_adopted, "confounded_with": list(verdict.twins.get(name, ()))}
 
 
 def _not_testable(found: PathDiagnosis) -> list[dict[str, Any]]:

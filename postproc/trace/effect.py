@@ -65,9 +65,9 @@ class PathEffect(ABC):
     def part(self, stage: Stage, theta: FloatArray, tangent: bool = True) -> Part:
         """Return the value, with ``tangent`` its change with each parameter as well."""
 
-    @abstractmethod
     def widths(self, theta: FloatArray) -> FloatArray:
         """Return the usual sizes (p,) of the parameters; inf: anything is as likely."""
+        return np.full(len(theta), np.inf)
 
     def moved(self, theta: FloatArray, step: FloatArray) -> FloatArray:
         """Return the parameters after a step of the fit."""
@@ -81,13 +81,15 @@ class PathEffect(ABC):
         """Return how many free parameters these are."""
         return len(theta)
 
-    @abstractmethod
     def table(self, stage: Stage, theta: FloatArray, deviation: FloatArray) -> dict[str, Any]:
         """Return the parameters by the keys of the file, None for what the rows cannot tell."""
+        del stage, theta, deviation
+        return {}
 
-    @abstractmethod
     def read(self, model: ModelFile, table: Mapping[str, Any]) -> FloatArray | None:
         """Return the parameters of a table of a model file, None for one of another kind."""
+        del model, table
+        return None
 
 
 PATH_EFFECTS: Registry[PathEffect] = Registry("path_effects", "postproc.trace.effects", PathEffect)

@@ -7,15 +7,12 @@ the dynamic causes; each of them has to say more than that.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import partial
-from typing import Any
 
 import numpy as np
 from scipy.interpolate import BSpline
 
 from postproc.arrays import FloatArray
-from postproc.model import ModelFile
 from postproc.trace.effect import JOINTS, LINK, TOOL, WHOLE, Part, PathEffect, register
 from postproc.trace.scene import Piece, Scene, Stage
 from postproc.trace.signals import memory
@@ -94,28 +91,6 @@ class Unknown(PathEffect):
             value[output] = columns @ theta[list(index)]
             pieces.append(Piece(output, index, columns))
         return Part(value, pieces)
-
-    def widths(self, theta: FloatArray) -> FloatArray:
-        """Return no preference."""
-        return np.full(len(theta), np.inf)
-
-    def moved(self, theta: FloatArray, step: FloatArray) -> FloatArray:
-        """Return new heights; which curves there are was found before."""
-        return np.asarray(theta + step)
-
-    def count(self, theta: FloatArray) -> int:
-        """Return the heights."""
-        return len(theta)
-
-    def table(self, stage: Stage, theta: FloatArray, deviation: FloatArray) -> dict[str, Any]:
-        """Return nothing: it is no cause."""
-        del stage, theta, deviation
-        return {}
-
-    def read(self, model: ModelFile, table: Mapping[str, Any]) -> FloatArray | None:
-        """Return none."""
-        del model, table
-        return None
 
 
 def _columns(stage: Stage, output: int, head: tuple[int, ...]) -> FloatArray:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.model import ModelFile
 from postproc.trace.effect import JOINTS, TOOL, WHOLE, Part, PathEffect, register
 from postproc.trace.phases import CUT
 from postproc.trace.scene import Piece, Stage
@@ -45,7 +44,8 @@ class Vibration(PathEffect):
     """theta = kind, frequency [Hz], damping, then gains or amplitudes per output.
 
     Driven: one gain for each output and each coordinate of the tool point's acceleration. A line:
-    cosine and sine for each output and each run.
+    cosine and sine for each output and each run. No model file is read: a program cannot know the
+    phase of a swing.
     """
 
     name = "vibration"
@@ -102,10 +102,6 @@ class Vibration(PathEffect):
                 pieces.append(Piece(output, (*index, *(p for p, _ in slopes)), whole))
         return Part(np.asarray(value), pieces)
 
-    def widths(self, theta: FloatArray) -> FloatArray:
-        """Return no preference."""
-        return np.full(len(theta), np.inf)
-
     def moved(self, theta: FloatArray, step: FloatArray) -> FloatArray:
         """Return new parameters; the frequency goes no further at once than its line is wide."""
         new = theta + step
@@ -129,11 +125,6 @@ class Vibration(PathEffect):
             "course": names[int(theta[0])],
         }
         return table | ({"damping": float(np.round(theta[2], 5))} if theta[0] == _DRIVEN else {})
-
-    def read(self, model: ModelFile, table: Mapping[str, Any]) -> FloatArray | None:
-        """Return none: the phase of a swing is that of its recording."""
-        del model, table
-        return None
 
 
 def _columns(stage: Stage, theta: FloatArray) -> FloatArray:
