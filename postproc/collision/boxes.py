@@ -115,7 +115,7 @@ def box_gap(
     gap_b = np.abs(R_a_b[0] * p_a_b[0] + R_a_b[1] * p_a_b[1] + R_a_b[2] * p_a_b[2]) - half_b
     for i in range(3):
         gap_b -= size[i] * half_a[i]
-    best = np.maximum(_outside(gap_a), _outside(gap_b))
+    best = np.maximum(outside(gap_a), outside(gap_b))
     undecided = np.flatnonzero(best <= 0.0)
     if len(undecided):
         best[undecided] = _edge_gap(
@@ -127,11 +127,12 @@ def box_gap(
     return best
 
 
-def _outside(gap: FloatArray) -> FloatArray:
+def outside(gap: FloatArray) -> FloatArray:
     """Return the length of the positive gaps (3, k), or the largest gap where none is positive."""
+    x, y, z = gap  # one by one: numpy is slow along short rows
     positive = np.maximum(gap, 0.0)
     length = np.sqrt(positive[0] ** 2 + positive[1] ** 2 + positive[2] ** 2)
-    return np.asarray(np.where(length > 0.0, length, gap.max(axis=0)))
+    return np.asarray(np.where(length > 0.0, length, np.maximum(np.maximum(x, y), z)))
 
 
 def _edge_gap(

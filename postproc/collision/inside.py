@@ -132,8 +132,8 @@ class InsideTest:
         if not self.has_inside or not len(points):
             return inside
         turned = points @ _TURN
-        within = (turned >= self._low) & (turned <= self._high)
-        near = np.flatnonzero(within.all(axis=1))
+        x, y, z = ((turned >= self._low) & (turned <= self._high)).T
+        near = np.flatnonzero(x & y & z)
         most = max(1, _BATCH // int(np.diff(self._start).max()))
         for begin in range(0, len(near), most):
             rows = near[begin : begin + most]

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray, numbered, taken
+from postproc.collision.boxes import outside
 from postproc.collision.pieces import CHILDREN, FEW_VERTICES, Pieces
 from postproc.records import dataclass
 
@@ -22,7 +23,7 @@ class PieceTree:
     ``centre``, ``half`` (m, 3) [m]; ``count`` (m,) children, which stand from ``child`` (m,) on; 0:
     it is the box of piece number ``piece`` (m,) of all. ``root``, ``size`` (b,): the box of each
     solid, and how many pieces are in it. ``corners`` (m,): where a convex piece of few vertices has
-    them in ``vertices`` (s, 3, v) [m], the last one again and again; else -1.
+    them in ``vertices`` (3, v, s) [m], the last one again and again; else -1.
     """
 
     centre: FloatArray
@@ -59,7 +60,8 @@ class PieceTree:
             begin += 1
         size = np.array([len(solid.start) for solid in solids])
         places = 0.5 * (low + high), 0.5 * (high - low), child, count, piece
-        return PieceTree(*places, np.array(root), size, corners, np.concatenate(vertices))
+        of_pieces = np.ascontiguousarray(np.moveaxis(np.concatenate(vertices), 0, -1))
+        return PieceTree(*places, np.array(root), size, corners, of_pieces)
 
     def near(
         self,
@@ -95,7 +97,7 @@ class PieceTree:
         away = np.einsum("kij,kj->ki", back, taken(self.centre, node) - taken(shift, entry))
         size = np.einsum("kij,kj->ki", np.abs(back), taken(self.half, node))
         away = np.abs(away - taken(self.centre, guests))
-        gap = np.maximum(gap, _length(away - size - taken(self.half, guests)))
+        gap = np.maximum(gap, outside((away - size - taken(self.half, guests)).T))
         kept = np.flatnonzero(gap <= limit[entry])
         entry, one, two = entry[kept], self.piece[guests[kept]], self.piece[node[kept]]
         is_swapped = swapped[entry]
@@ -120,10 +122,10 @@ class PieceTree:
         """
         entry, found = np.arange(len(node)), []
         while True:
-            centre, half = self._seen(turn, shift, entry, node)
-            other = root[entry]
-            away = np.abs(centre - taken(self.centre, other))
-            kept = _length(away - half - taken(self.half, other)) <= limit[entry]
+            R = taken(turn, entry)
+            centre = np.einsum("kij,kj->ki", R, taken(self.centre, node)) + taken(shift, entry)
+            half = np.einsum("kij,kj->ki", np.abs(R), taken(self.half, node))
+            kept = self._reach(centre, half, root[entry], limit[entry])
             leaf = kept & (self.count[node] == 0)
             found.append((entry[leaf], node[leaf], centre[leaf], half[leaf]))
             open_ = np.flatnonzero(kept & ~leaf)
@@ -132,7 +134,22 @@ class PieceTree:
             owner, step = numbered(self.count[node[open_]])
             entry, node = entry[open_[owner]], self.child[node[open_[owner]]] + step
         entry, node, centre, half = (np.concatenate(part) for part in zip(*found, strict=True))
-        return entry, node, centre, half
+        few = np.flatnonzero(self.corners[node] >= 0)
+        points = self.vertices.take(self.corners[node[few]], axis=2)
+        R, p = taken(turn, entry[few]), taken(shift, entry[few])
+        for axis in range(3):  # vertices reach less far than the box around them
+            along = np.einsum("jvm,mj->vm", points, R[:, axis])
+            low, high = along.min(axis=0), along.max(axis=0)
+            centre[few, axis], half[few, axis] = 0.5 * (low + high) + p[:, axis], 0.5 * (high - low)
+        near = np.flatnonzero(self._reach(centre, half, root[entry], limit[entry]))
+        return entry[near], node[near], taken(centre, near), taken(half, near)
+
+    def _reach(
+        self, centre: FloatArray, half: FloatArray, node: IndexArray, limit: FloatArray
+    ) -> BoolArray:
+        """Return which boxes (m, 3) are within limits (m,) [m] of other boxes, node (m,)."""
+        away = np.abs(centre - taken(self.centre, node)) - half - taken(self.half, node)
+        return np.asarray(outside(away.T) <= limit)
 
     def _hosts(
         self,
@@ -161,7 +178,7 @@ class PieceTree:
             if len(some):
                 farthest = np.linalg.norm((away + size)[some], axis=1)
                 np.minimum.at(limit, entry[row[some]], farthest + SLACK)
-            gap = _length(away - size)
+            gap = outside((away - size).T)
             kept = gap <= limit[entry[row]]
             leaf = kept & (self.count[node] == 0)
             found.append((row[leaf], node[leaf], gap[leaf]))
@@ -172,25 +189,3 @@ class PieceTree:
             row, node = row[open_[owner]], self.child[node[open_[owner]]] + step
         row, node, gap = (np.concatenate(part) for part in zip(*found, strict=True))
         return row, node, gap
-
-    def _seen(
-        self, turn: FloatArray, shift: FloatArray, entry: IndexArray, node: IndexArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return centre and half size (m, 3) [m] of nodes along the axes of other frames."""
-        R, p = taken(turn, entry), taken(shift, entry)
-        centre = np.einsum("kij,kj->ki", R, taken(self.centre, node)) + p
-        half = np.einsum("kij,kj->ki", np.abs(R), taken(self.half, node))
-        corners = self.corners[node]
-        some = np.flatnonzero(corners >= 0)
-        if len(some):
-            points = taken(R, some) @ taken(self.vertices, corners[some])
-            low, high = points.min(axis=2), points.max(axis=2)
-            centre[some], half[some] = 0.5 * (low + high) + taken(p, some), 0.5 * (high - low)
-        return centre, half
-
-
-def _length(gap: FloatArray) -> FloatArray:
-    """Return how far (k,) boxes are apart by their gaps (k, 3), negative where they overlap."""
-    apart = np.maximum(gap, 0.0)
-    length = np.sqrt(np.einsum("ki,ki->k", apart, apart))
-    return np.asarray(np.where(length > 0.0, length, gap.max(axis=1, initial=-np.inf)))
