@@ -55,8 +55,6 @@ def looks(toolpath: ToolPath, outward: FloatArray | None = None) -> tuple[Findin
 
 def _doubles(toolpath: ToolPath, _: FloatArray | None) -> Finding | None:
     """One place that one tool serves twice in an operation."""
-    from scipy.spatial import cKDTree
-
     rows = _known(toolpath)
     keys = (toolpath.tool, toolpath.operation, toolpath.setup_of_tags)
     key = np.unique(np.stack(keys)[:, rows], axis=1, return_inverse=True)[1].reshape(-1)
@@ -65,8 +63,7 @@ def _doubles(toolpath: ToolPath, _: FloatArray | None) -> Finding | None:
     which = which.reshape(-1)
     later = np.flatnonzero(first[which] != np.arange(len(rows)))
     pairs = [np.column_stack([later, first[which[later]]])]
-    if len(own) > 1:
-        pairs.append(np.sort(first[_near(cKDTree(own), own)], axis=1)[:, ::-1])
+    pairs.append(np.sort(first[_near(own)], axis=1)[:, ::-1])
     twin = np.unique(np.concatenate(pairs), axis=0)
     _, once = np.unique(twin[:, 0], return_index=True)
     if not len(once):
@@ -79,17 +76,38 @@ def _doubles(toolpath: ToolPath, _: FloatArray | None) -> Finding | None:
     return _warning("PTS001", text, toolpath, rows[twin[once, 0]])
 
 
-def _near(tree: object, places: FloatArray) -> IndexArray:
+def _near(places: FloatArray) -> IndexArray:
     """Return pairs (m, 2) of places (n, 4) that are nearest to each other and one place."""
-    distance, near = tree.query(places, k=2, distance_upper_bound=ONE_PLACE)  # type: ignore[attr-defined]
-    at = np.flatnonzero(np.isfinite(distance[:, 1]))
-    return np.column_stack([at, near[at, 1]])
+    rows = _crowded(places)
+    if not len(rows):
+        return np.zeros((0, 2), dtype=np.int64)
+    from scipy.spatial import cKDTree  # slow to load, and seldom needed
+
+    own = places[rows]
+    found = cKDTree(own).query(own, k=2, distance_upper_bound=ONE_PLACE)
+    distance, near = (np.asarray(column)[:, 1] for column in found)
+    at = np.flatnonzero(np.isfinite(distance))
+    return np.column_stack([rows[at], rows[near[at].astype(np.int64)]])
+
+
+def _crowded(places: FloatArray) -> IndexArray:
+    """Return rows (k,) of places (n, 4) that share a cell with another: all that are one place.
+
+    Two that are one place share a cell of two lattices of twice its size, shifted by half of it.
+    """
+    shared = np.zeros(len(places), dtype=np.bool_)
+    for shift in np.ndindex(2, 2, 2):
+        cell = np.floor(places[:, :3] / (2.0 * ONE_PLACE) + np.array(shift) / 2.0)
+        order = np.lexsort((places[:, 3], *cell.T))
+        same = (np.diff(cell[order], axis=0) == 0.0).all(axis=1) & (
+            np.diff(places[order, 3]) == 0.0
+        )
+        shared[order[1:][same]] = shared[order[:-1][same]] = True
+    return np.flatnonzero(shared)
 
 
 def _turned(toolpath: ToolPath, outward: FloatArray | None) -> Finding | None:
     """Normals that point opposite to those around them, or into the workpiece."""
-    from scipy.spatial import cKDTree
-
     rows = _known(toolpath, all_of_lists=True)
     axes, wrong = toolpath.axes[rows], np.zeros(len(rows), dtype=np.bool_)
     places, first = np.unique(toolpath.points[rows], axis=0, return_index=True)
@@ -97,6 +115,8 @@ def _turned(toolpath: ToolPath, outward: FloatArray | None) -> Finding | None:
     mean = axes.sum(axis=0)
     alike = (axes @ mean > 0.5 * np.linalg.norm(mean)).all()  # within 60 deg: none is turned round
     if count > 2 and not alike:
+        from scipy.spatial import cKDTree
+
         near = np.asarray(cKDTree(places).query(places, k=count)[1])[:, 1:]
         cosine = np.einsum("ij,ikj->ik", axes[first], axes[first][near])
         turned = (cosine < _AGAINST).mean(axis=1) >= _MOST
