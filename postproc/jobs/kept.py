@@ -33,12 +33,15 @@ _SAME_MM, _SAME_DEG = 0.002, 0.001
 """Poses nearer than this are one, to the digits of a program."""
 _AXIS = 0.1
 """A tool axis that leans by 1 rad lies as far off as this [m]: .001 deg are .002 mm."""
+_LINE = 1e-12
+"""A CAM line on lies as far off as this [m]: below all digits."""
 _EXACT = 4
 """So often only poses that fail or cost too much are given free, then those around them as well."""
 _WIDER = 4
 """Every further time so many times as many of them: the last time, all."""
 _OTHER_ARM = 0.02
 """Ways between poses of another arm than the cell's differ by more than this share."""
+_FEW = 3
 _NOWHERE = 1e9
 _SUFFIX = ".src"
 
@@ -146,13 +149,14 @@ def poses_of(program: Path, cell: Cell) -> OldPoses:
 def _require_arm(
     program: Path, cell: Cell, kinematics: Kinematics, q: FloatArray, T: FloatArray
 ) -> None:
-    """Require that joint motions lead as far as the poses behind them lie apart."""
-    if len(q) < 3:
-        return
+    """Require that joint motions lead as far as the poses behind them lie apart.
+
+    Few of them tell nothing: one may lead to a point before the pose, or above it.
+    """
     tcp = (kinematics.fk(q) @ np.asarray(cell.tools[0].T_flange_tcp))[:, :3, 3]
     led, apart = (np.linalg.norm(np.diff(points, axis=0), axis=1) for points in (tcp, T[:, :3, 3]))
     far = apart > 10.0 * MM
-    if far.sum() > 1 and np.median(np.abs(led[far] / apart[far] - 1.0)) > _OTHER_ARM:
+    if far.sum() > _FEW and np.median(np.abs(led[far] / apart[far] - 1.0)) > _OTHER_ARM:
         text = f"its joint motions do not fit a {cell.robot.name}: it was made for another arm"
         raise DataError("PIN009", text, SourceRef(str(program)))
 
@@ -173,7 +177,7 @@ def plan_kept(
         return free, Kept(0, 0, 0, len(toolpath), None if old is None else 0.0)
     pose, is_same = _matched(free, cell, old)
     own = _tags_as_read(free, toolpath)
-    held, best = pose, free
+    held, best = np.where(_stands(free, old, cell, pose), -1, pose), free
     for number in count():
         if not (held >= 0).any():
             break
@@ -204,10 +208,15 @@ def _holding(toolpath: ToolPath, old: OldPoses, pose: IndexArray) -> ToolPath:
     return replace(toolpath, extra={**toolpath.extra, HELD: column})
 
 
-def _feature(T: FloatArray, axis: FloatArray, tool: IndexArray, base: IndexArray) -> FloatArray:
-    """Return (m, 8) equal for poses with the same tip and axis of the same tool and base [m]."""
+def _feature(
+    T: FloatArray, axis: FloatArray, tool: IndexArray, base: IndexArray, cam: IndexArray
+) -> FloatArray:
+    """Return (m, 9) equal for poses with the same tip and axis of the same tool and base [m].
+
+    Of several at one place those of the nearest CAM lines are the nearest.
+    """
     lean = _AXIS * np.einsum("mij,mj->mi", T[:, :3, :3], axis)
-    return np.column_stack([T[:, :3, 3], lean, tool, base])
+    return np.column_stack([T[:, :3, 3], lean, tool, base, _LINE * cam])
 
 
 def _matched(plan: Plan, cell: Cell, old: OldPoses) -> tuple[IndexArray, BoolArray]:
@@ -221,9 +230,10 @@ def _matched(plan: Plan, cell: Cell, old: OldPoses) -> tuple[IndexArray, BoolArr
     bases = np.array([base.number for base in cell.bases])
     of_old = np.clip(np.searchsorted(np.sort(numbers), old.tool), 0, len(numbers) - 1)
     of_old = np.argsort(numbers)[of_old]
-    theirs = _feature(old.T, axes[of_old], old.tool, old.base)
+    theirs = _feature(old.T, axes[of_old], old.tool, old.base, old.cam)
     tool, base = numbers[plan.tool_of_moves], bases[plan.base_of_moves]
-    ours = _feature(np.asarray(plan.T_base_tcp), axes[plan.tool_of_moves], tool, base)
+    cam = np.where(plan.tag >= 0, np.asarray(plan.toolpath.line)[plan.tag], 0)
+    ours = _feature(np.asarray(plan.T_base_tcp), axes[plan.tool_of_moves], tool, base, cam)
     sound = np.isfinite(theirs).all(axis=1)
     rows = np.flatnonzero(plan.tag >= 0)
     if sound.any() and len(rows):
@@ -243,6 +253,33 @@ def _matched(plan: Plan, cell: Cell, old: OldPoses) -> tuple[IndexArray, BoolArr
         line = f"line {plan.toolpath.line[tag]}"
         pose[tag] = named.get(plan.toolpath.tag_name(tag), -1) if old.ids else named.get(line, -1)
     return pose, is_same
+
+
+def _at_tags(plan: Plan, pose: IndexArray) -> IndexArray:
+    """Return the move nearest to each tag that has an old pose; others lead there from afar."""
+    rows = np.flatnonzero((plan.tag >= 0) & (pose[plan.tag] >= 0))
+    points = np.asarray(plan.toolpath.points)[plan.tag[rows]]
+    off = np.linalg.norm(plan.T_base_tcp[rows, :3, 3] - points, axis=1)
+    rows = rows[np.lexsort((off, plan.tag[rows]))]
+    return rows[np.flatnonzero(np.diff(plan.tag[rows], prepend=-1))]
+
+
+def _turns(plan: Plan, old: OldPoses, pose: IndexArray) -> FloatArray:
+    """Return by how much (n,) tools stand turned off their old poses [rad], 0 without one."""
+    rows, turn = _at_tags(plan, pose), np.zeros(len(pose))
+    tags = plan.tag[rows]
+    turn[tags] = rotation_angle(plan.T_base_tcp[rows, :3, :3], old.T[pose[tags], :3, :3])
+    return turn
+
+
+def _stands(plan: Plan, old: OldPoses, cell: Cell, pose: IndexArray) -> bool:
+    """Return whether all tags of a plan stand as before, or are new."""
+    rows = _at_tags(plan, pose)
+    q = old.q[pose[plan.tag[rows]]]
+    is_known = np.isfinite(q).all(axis=1)
+    branch = build(cell.robot).slot(q[is_known])
+    is_turned = (_turns(plan, old, pose) >= _SAME_DEG * DEG).any()
+    return not is_turned and bool((branch == plan.branch[rows[is_known]]).all())
 
 
 def _dear(plan: Plan, free: Plan, cell: Cell, held: BoolArray) -> BoolArray:
@@ -265,12 +302,7 @@ def _dear(plan: Plan, free: Plan, cell: Cell, held: BoolArray) -> BoolArray:
 def _counted(
     plan: Plan, free: Plan, cell: Cell, old: OldPoses, pose: IndexArray, is_same: BoolArray
 ) -> Kept:
-    rows = np.flatnonzero(plan.tag >= 0)
-    rows = rows[np.append(True, np.diff(plan.tag[rows]) != 0)] if len(rows) else rows
-    R = np.tile(np.eye(3), (len(pose), 1, 1))
-    R[plan.tag[rows]] = plan.T_base_tcp[rows, :3, :3]
-    turn = rotation_angle(R, old.T[np.maximum(pose, 0), :3, :3])
-    kept = is_same & (turn < _SAME_DEG * DEG)
+    kept = is_same & (_turns(plan, old, pose) < _SAME_DEG * DEG)
     ratio = free.cycle_time and plan.cycle_time / free.cycle_time
     if np.isfinite(free.stiffness).any():
         ratio = float(np.nanmean(free.stiffness) / np.nanmean(plan.stiffness))

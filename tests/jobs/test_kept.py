@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from postproc.jobs import kept
+from tests.places import FIXTURES
 
 HEAD = "id,x,y,z,i,j,k,depth\n"
 HOLES = [(f"H{i}", 60.0 * (i % 4), 50.0 * (i // 4), 0.0) for i in range(12)]
@@ -40,6 +41,24 @@ def test_nothing_changed_nothing_changes(made, tmp_path):
         **{"kept": 12, "turned": 0, "moved": 0, "new": 0},
         "gain_percent_if_free": 0.0,
     }
+
+
+def test_a_program_kept_of_itself_stays_to_the_byte(tmp_path, run):
+    """Examples of cuts, external axes, splines and a contour that comes back to where it began."""
+    changed = []
+    for case, source in (
+        ("forms_pocket", "pocket.aptsource"),
+        ("spline_points", "bead.csv"),
+        ("trim_5axis", "trim.cls"),
+        ("turntable", "ring.csv"),
+    ):
+        folder, out = FIXTURES / case, [tmp_path / f"{case}{k}" for k in range(2)]
+        call = ("convert", folder / source, "--cell", folder / "cell.toml", "--json", "-o")
+        assert run(*call, out[0])[0] == 0
+        counts = run(*call, out[1], "--keep", out[0])[1]["kept"]
+        old, new = ({p.name: p.read_bytes() for p in folder.glob("*.src")} for folder in out)
+        changed += [case] * (old != new or counts["turned"] + counts["moved"] > 0)
+    assert changed == []
 
 
 def test_edits_change_what_they_edit_and_poses_stay_that_a_free_plan_would_turn(
@@ -136,6 +155,7 @@ def test_what_fails_again_and_again_costs_only_what_is_near(made, tmp_path, cell
         return bad
 
     monkeypatch.setattr(kept, "_dear", dear)
+    monkeypatch.setattr(kept, "_stands", lambda *_: False)
     many = [(f"H{i}", 20.0 * (i % 6), 20.0 * (i // 6), 0.0) for i in range(48)]
     made("old", many)
     calls.clear()

@@ -27,11 +27,11 @@ ROLL_PRICE = 0.02
 """What a cut that rolls the tool beyond ``STEADY_BAND`` must gain: 1 % of stiffness, and as
 much for the grid of spins, whose rounding may favour one of two mirrored poses by it."""
 FINER_PRICE = 0.01
-"""What a spin between round ones has to gain: 1 % of stiffness, less than any arm is known to."""
-TURNED_PRICE = 0.01
-"""What a spin of half a turn has to gain: 1 % of stiffness, and the less the nearer to a quarter.
-Two families of poses that are mirror images of each other cost almost the same in all; then one
-hole more or less turned the whole panel, if nothing told them apart at every hole by itself."""
+"""What a less round spin has to gain: 1 % of stiffness a level, less than any arm is known to."""
+MIRRORED_PRICE = 0.01
+"""What a hole's pose has to gain over its mirror image, about: 1 % of stiffness. Families of poses
+that mirror each other (left and right of the arm, wrist turned over) cost almost the same in all;
+then a hole more, or a base some mm beside, turned the whole panel, if nothing told them apart."""
 CUT_TRAVEL = 3e-3
 """Weight of travel inside a cut where every tag is optimised for itself: 0.3 % of stiffness for a
 joint step of 10 degrees. Without it neighbours stand at opposite spins and no line joins them."""

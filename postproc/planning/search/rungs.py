@@ -12,7 +12,6 @@ from postproc.arrays import AT_ONCE, ROUNDING, AnyIntArray, BoolArray, FloatArra
 from postproc.geometry import angle_between
 from postproc.kinematics import wrapped
 from postproc.ladder import NONE, Ladder, Rule, Tolls
-from postproc.model import CUTS
 from postproc.planning.checks import Reason
 from postproc.planning.route import ON_THE_SPOT
 from postproc.planning.search.between import Interpolation
@@ -27,12 +26,12 @@ from postproc.planning.search.prices import (
     DEARER,
     FINER_PRICE,
     HOME_SHARE,
+    MIRRORED_PRICE,
     PARTED,
     ROLL_PRICE,
     STUCK,
     TIE_SPIN,
     TIE_TRAVEL,
-    TURNED_PRICE,
 )
 from postproc.planning.search.tilt_steps import TiltSteps
 from postproc.planning.states import (
@@ -74,9 +73,13 @@ _FINEST = 0.1 * DEG
 _ROUND = 1e-5
 """A spin is round that is nearer to it, in such steps: the grid of poses rounds as well."""
 Joins = Bridges | TiltSteps
-ROUNDER = 2
-"""Of round spins every second one; the others have to gain as much. It halves how many holes turn
-where a base is measured anew by some mm or a tool is ground, for .1 % of stiffness."""
+_LEVELS = (10, 5, 2, 1)
+"""Every tenth of the round spins, every fifth, ...: each level must gain ``FINER_PRICE`` at holes.
+The farther apart they stand, the rarer one turns where a base is measured anew by some mm; cuts
+rather keep one spin all along."""
+_PLAIN = 45.0 * DEG
+"""The spin that needs no gain: the mirror images of a pose, at -s and 180 deg - s, are not alike
+far from it."""
 
 
 class Parted(NamedTuple):
@@ -165,7 +168,7 @@ def _round_about(problem: Problem, spin: FloatArray, free: BoolArray) -> FloatAr
     wishes, low, high = problem.cell.optimize, *problem.cell.optimize.range
     step = wishes.spin_round or _FINEST
     count = int(np.ceil(wishes.step / step - ROUNDING)) if len(problem.settings.spins) > 1 else 0
-    spins = (np.round(spin[:, None] / step) + np.arange(1 - count, count)) * step
+    spins = (np.round(spin[:, None] / step) + np.arange(-count, count + 1)) * step
     inside = (spins >= low - ROUNDING) & (spins <= high + ROUNDING)
     inside |= high - low >= TURN - ROUNDING
     return rounded_spin(np.where(inside & free[:, None], spins, spin[:, None]))
@@ -213,11 +216,14 @@ def states_on(
         else _in_window(problem, tags, options.window)
     )
     price = problem.settings.weights.price
+    is_bound = problem.cell.optimize.loss_bound is not None
     for low in range(0, len(tags), AT_ONCE):
         edge = states.offsets[low : low + AT_ONCE + 1]
-        part = slice(int(edge[0]), int(edge[-1]))
+        part = np.arange(int(edge[0]), int(edge[-1]))
         of_state = np.repeat(best[low : low + AT_ONCE], np.diff(edge))
-        states.cost[part] += price(1.0 - states.index[part] / of_state)
+        lack = _irregularity(problem, tags, states, part, options)
+        counted = 1.0 if is_bound else 1.0 - lack
+        states.cost[part] += lack + price(1.0 - counted * states.index[part] / of_state)
     if options.least is not None:
         owner = states.tag_of(np.arange(len(states.q)))
         free = ~pinned[owner]
@@ -227,13 +233,30 @@ def states_on(
         owner = states.tag_of(np.arange(len(states.q)))
         column = states.column % spins.shape[-1]
         states.cost[pinned[owner] & (column != pin[owner])] = np.inf
-    spin = states.spin_of(np.arange(len(states.q)))
     if options.each:
+        spin = states.spin_of(np.arange(len(states.q)))
         states.cost += TIE_SPIN * (spin / TRAVEL_UNIT) ** 2
-    else:
-        is_hole = np.repeat(problem.strokes.is_stroke[tags], np.diff(states.offsets))
-        states.cost[is_hole] += TURNED_PRICE * np.maximum(-np.cos(spin[is_hole]), 0.0)
     return states, pinned | (options.window is not None), edges
+
+
+def _irregularity(
+    problem: Problem, tags: IndexArray, states: States, part: IndexArray, options: SearchOptions
+) -> FloatArray:
+    """Return the stiffness (m,) that states ``part`` of tags (n,) have to gain over regular ones.
+
+    As a share, counted as if it was not there: then what it weighs is the same wherever stiffness
+    is dear. Holes stand like each other, on one of the two sides of every mirror of the arm.
+    """
+    row, spin = states.tag_of(part), states.spin_of(part)
+    is_hole, lack = problem.strokes.is_stroke[tags][row], np.zeros(len(part))
+    if not options.each:
+        turned = 1.0 - np.cos(spin - _PLAIN) + (states.branch[part] & WRIST != 0)
+        lack[is_hole] = MIRRORED_PRICE * turned[is_hole]
+    if options.window is not None:
+        is_at = [is_round(problem, spin, every) for every in _LEVELS]
+        level = np.argmax([*is_at, np.ones(len(part))], axis=0)
+        lack += FINER_PRICE * np.where(is_hole, level, level == len(_LEVELS))
+    return lack
 
 
 def _on_grid(
@@ -251,12 +274,7 @@ def _in_window(
     """Return as ``_on_grid`` the states of tags (n,) in a window."""
     at = window.spins[tags], window.branch[tags], window.q[tags]
     states = sample(problem, tags, *at, tilts=problem.tilts)
-    tilt, spin = np.divmod(states.column, states.spins.shape[-1])
-    owner = states.tag_of(np.arange(len(states.q)))
-    states.cost[(spin == 0) & ~is_round(problem, at[0][:, 0])[owner]] += FINER_PRICE
-    alone = ~np.isin(np.asarray(problem.toolpath.kind)[tags], CUTS)[owner]
-    odd = ~is_round(problem, states.spin_of(np.arange(len(states.q))), ROUNDER)
-    states.cost[odd & alone] += FINER_PRICE
+    tilt, owner = states.column // states.spins.shape[-1], states.tag_of(np.arange(len(states.q)))
     near = beside_in_grid(problem.tilts) | np.eye(len(problem.tilts), dtype=np.bool_)
     states.cost[~near[window.tilt[tags][owner], tilt]] = np.inf
     return states, Edges.none(best_of(states)), window.best[tags]
