@@ -174,13 +174,8 @@ def propose_place(options: dict[str, Any], output: Path) -> dict[str, Any]:
     axis = tuple(float(v) for v in cell.tool.axis)
     toolpath = read(options["input"], "auto", ReadOptions(units=options["units"], tool_axis=axis))
     place = workpiece_place(toolpath, cell, options["workpiece_abc"])
-    options["workpiece_xyz"], options["workpiece_abc"] = place.xyz_mm, place.abc_deg
-    return {
-        "xyz_mm": list(place.xyz_mm),
-        "abc_deg": list(place.abc_deg),
-        "margin_deg": round(place.margin / DEG, 3),
-        "tags": place.tags,
-    }
+    options["workpiece_xyz"], options["workpiece_abc"] = place["xyz_mm"], place["abc_deg"]
+    return place
 
 
 def free_home(options: dict[str, Any], output: Path) -> str:

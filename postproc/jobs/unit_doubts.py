@@ -9,9 +9,9 @@ import numpy as np
 from postproc.arrays import IndexArray
 from postproc.cell import Cell
 from postproc.errors import ReadError
-from postproc.jobs.workpiece_place import reached
 from postproc.kinematics import build
 from postproc.model import ToolPath
+from postproc.planning import Reach
 from postproc.process import claimed
 from postproc.units import SINGLE
 
@@ -67,7 +67,7 @@ def _reached(toolpath: ToolPath, tags: IndexArray, cell: Cell, scale: float) -> 
         return None
     larger = replace(toolpath, points=toolpath.points * scale, cycles=())
     larger = replace(larger, cycle=np.full(len(larger), -1, dtype=np.int32))
-    found = reached(larger, tags, cell)
+    found = np.isfinite(Reach.of_one(larger.rows(tags), cell).margins(cell))
     return True if found.all() else False if not found.any() else None
 
 

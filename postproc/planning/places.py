@@ -80,6 +80,13 @@ class Reach:
             pieces.append((problem, _spread(problem)))
         return cls(cell, tuple(pieces))
 
+    @classmethod
+    def of_one(cls, toolpath: ToolPath, cell: Cell) -> Reach:
+        """Return all tags as for the tool in work in its base, whatever the file calls."""
+        cell, settings = settle(cell, PlanOptions())
+        problem = problem_of(as_served(toolpath, cell), cell, settings)
+        return cls(cell, ((problem, _spread(problem)),))
+
     @property
     def tags(self) -> int:
         """How many tags there are."""
@@ -124,15 +131,20 @@ class Reach:
         firsts = np.cumsum([0, *(len(problem) for problem, _ in self.pieces)])
         return np.concatenate([k + tags for k, (_, tags) in zip(firsts, self.pieces, strict=False)])
 
-    def margins(self, cell: Cell) -> FloatArray:
+    def margins(self, cell: Cell, *, whole: bool = False) -> FloatArray:
         """Return the largest margin (t,) [rad] of tags over spins and branches, -inf out of reach.
 
         Args:
             cell: the one that ``of`` got, with its setups or its robot elsewhere.
+            whole: of all tags that have a pose, not only of those that places are compared by.
         """
         return np.concatenate(
             [
-                self._margins(_in(cell, p), tags, max(1, len(p.settings.spins) // _SPINS))
+                self._margins(
+                    _in(cell, p),
+                    np.flatnonzero(p.placement.given) if whole else tags,
+                    max(1, len(p.settings.spins) // _SPINS),
+                )
                 for p, tags in self.pieces
             ]
         )
@@ -143,23 +155,18 @@ class Reach:
         spin = np.where(np.isnan(pins)[:, None], spins, pins[:, None]).ravel()
         which = np.repeat(tags, len(spins))
         strokes = problem.strokes
+        low = np.where(strokes.is_stroke, -strokes.depth, 0.0)[which]
         top = np.where(strokes.is_stroke, strokes.top, problem.ways_out)[which]
         best = np.full(len(which), -np.inf)
-        for external in self._positions():
+        for external in positions(self.cell, _POSITIONS):
             rows = np.tile(external, (len(problem), 1))
             here = replace(problem, placement=replace(problem.placement, external=rows))
             least = np.full((len(which), 8), np.inf)
-            for height in (0.0, top):
+            for height in (low, top):
                 T = here.placement.tcp(which, spin, height)
                 least = np.minimum(least, _spare(here, which, T))
             best = np.maximum(best, least.max(axis=1))
         return np.asarray(best.reshape(len(tags), len(spins)).max(axis=1))
-
-    def _positions(self) -> Iterator[FloatArray]:
-        """Yield where the external axes stand (k,): every combination of a few."""
-        axes = self.cell.external_axes
-        for values in product(*(np.linspace(a.q_min, a.q_max, _POSITIONS) for a in axes)):
-            yield np.array(values)
 
     def rank(self, cell: Cell) -> Rank:
         """Return how good a place is, solids and all, by the tags that places are compared by."""
@@ -197,7 +204,7 @@ class Reach:
             problem.settings,
             problem.placement.external if cell.external_axes else None,
         )
-        for position in self._positions():
+        for position in positions(self.cell, _POSITIONS):
             here = checker
             if cell.external_axes:
                 here = replace(checker, problem=checker.problem.standing(position))
@@ -208,6 +215,12 @@ class Reach:
             left = np.flatnonzero(~good)
             if not len(left):
                 return
+
+
+def positions(cell: Cell, each: int) -> Iterator[FloatArray]:
+    """Yield where external axes stand (k,): every combination of so many positions of each."""
+    for values in product(*(np.linspace(a.q_min, a.q_max, each) for a in cell.external_axes)):
+        yield np.array(values)
 
 
 def _in(cell: Cell, problem: Problem) -> Problem:

@@ -162,7 +162,7 @@ def _output(options: dict[str, Any]) -> Path:
 def _tell(session: Session, place: Mapping[str, Any]) -> None:
     xyz, abc = (" ".join(f"{v:g}" for v in place[key]) for key in ("xyz_mm", "abc_deg"))
     session.say(
-        f"workpiece at X Y Z {xyz} mm, A B C {abc} deg: all {place['tags']} distinct tags are "
+        f"workpiece at X Y Z {xyz} mm, A B C {abc} deg: all {place['tags']} tags are "
         f"reached, {place['margin_deg']:.1f} deg or more beyond the margins, also where the part "
         "is 50 mm off; collisions are checked by convert"
     )
