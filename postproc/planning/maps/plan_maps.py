@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from postproc.errors import Finding, Severity
 from postproc.model import MotionKind, Plan, ToolPath
 from postproc.planning.checks import Grade, grades, moves_of_tags, near_solids
 from postproc.planning.job import problem_of
+from postproc.planning.places import positions
 from postproc.planning.route import cell_at
 from postproc.planning.states import PlanOptions, Problem, evaluate, postures, settle, spin_values
 from postproc.process import claimed
@@ -27,8 +28,11 @@ _CHUNK = 1000
 MOST_POSED = 60
 """For so many failing tags a pose is worked out."""
 _POSED_STEP = 30.0 * DEG
-_SHARES = 101
-"""Points on the way from an unreachable tag to the shoulder, both ends included."""
+_POSITIONS = 9
+"""External axes are tried at so many positions each."""
+_SHARES = 21
+"""Points on the way from an unreachable tag to the shoulder, both ends included, where it comes
+within reach; then it is halved."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +94,7 @@ def plan_maps(plan: Plan, cell: Cell, findings: Sequence[Finding]) -> PlanMaps:
         _clearances(plan, cell),
         grades(plan, cell),
         spin_index(plan, cell, moves),
-        failing_poses(plan, cell, moves, findings),
+        failing_poses(plan, cell, findings),
         missing(plan),
     )
 
@@ -224,7 +228,8 @@ def axes_of(plan: Plan, cell: Cell, moves: IndexArray) -> FloatArray:
 class FailingPose:
     """Joints (6,) [rad] and what the pose is; what hits there, about which point; its frames.
 
-    ``point``: (3,) [m] in robroot; ``tool``, ``base``: places in the cell.
+    ``point``: (3,) [m] in robroot; ``tool``, ``base``: places in the cell; ``external`` (k,): where
+    the external axes stand.
     """
 
     q: FloatArray
@@ -233,44 +238,61 @@ class FailingPose:
     point: FloatArray | None = None
     tool: int = 0
     base: int = 0
+    external: FloatArray = field(default_factory=lambda: np.zeros(0))
 
 
-def failing_poses(
-    plan: Plan, cell: Cell, moves: IndexArray, findings: Sequence[Finding]
-) -> dict[int, FailingPose]:
+def failing_poses(plan: Plan, cell: Cell, findings: Sequence[Finding]) -> dict[int, FailingPose]:
     """Return poses of failing tags by tag.
 
     Of all poses that the arm can take at the tag (within limits where there is one) a colliding
     one is shown, with the pair that hits most often; the stroke of a hole counts. Where the arm
-    cannot reach the tag at all it is shown as near as it comes. With external axes there are no
-    poses: where the axes would stand is not known.
+    cannot reach the tag at all it is shown as near as it comes. External axes stand where the
+    shoulder comes nearest to the tag.
 
     Args:
         plan: the plan.
         cell: its cell.
-        moves: (n,) from ``moves_of_tags``.
         findings: all of the conversion; errors name the failing tags.
     """
     errors = [i for i in findings if i.severity is Severity.ERROR and i.tag_index is not None]
     messages = {int(i.tag_index or 0): i.message for i in errors}
-    if not messages or cell.external_axes:
-        return {}
     found: dict[int, FailingPose] = {}
-    for place in at_places(plan, cell, moves):
-        mine = [tag for tag in place.tags.tolist() if tag in messages]
-        if not mine or len(found) >= MOST_POSED:
+    if not messages:
+        return found
+    for part in claimed(plan.toolpath, cell).stretches():
+        mine = [tag for tag in range(part.low, part.high) if tag in messages]
+        mine = mine[: MOST_POSED - len(found)] if part.is_claimed else []
+        if not mine:
             continue
-        problem = problem_of(place.toolpath, *settle(place.cell, PlanOptions()))
-        scene = Scene.shared(place.cell, problem.kinematics)
-        for tag in mine[: MOST_POSED - len(found)]:
-            own = tag - place.first
-            if not problem.placement.given[own]:
-                continue
-            pose = _pose(problem, scene, own, _heights(problem, own), messages[tag])
-            if pose is not None:
-                tool, base = place.cell.tool_index, place.cell.base_index
-                found[tag] = replace(pose, tool=tool, base=base)
+        here = cell.with_tool(part.tool, part.base)
+        path = plan.toolpath.rows(np.arange(part.low, part.high))
+        stands = [
+            (values, problem_of(path, *settle(cell_at(here, values), PlanOptions())))
+            for values in positions(here, _POSITIONS)
+        ]
+        scene = Scene.shared(here, stands[0][1].kinematics)
+        for tag in mine:
+            own = tag - part.low
+            external, problem = min(stands, key=lambda one: _far(one[1], own))
+            if problem.placement.given[own]:
+                pose = _pose(problem, scene, own, external, messages[tag])
+                if pose is not None:
+                    found[tag] = replace(
+                        pose, tool=here.tool_index, base=here.base_index, external=external
+                    )
     return found
+
+
+def _far(problem: Problem, tag: int) -> float:
+    """Return how far [m] a tag is from the shoulder."""
+    place = problem.placement
+    at = place.T_robroot_base[:3, :3] @ place.p_base_tcp[tag] + place.T_robroot_base[:3, 3]
+    return float(np.linalg.norm(at - _shoulder(problem)))
+
+
+def _shoulder(problem: Problem) -> FloatArray:
+    """Return the axis of A2 (3,) in robroot."""
+    return np.asarray(problem.kinematics.link_frames(np.zeros(6))[2, :3, 3])
 
 
 def _heights(problem: Problem, tag: int) -> list[tuple[float, bool]]:
@@ -282,17 +304,18 @@ def _heights(problem: Problem, tag: int) -> list[tuple[float, bool]]:
 
 
 def _pose(
-    problem: Problem, scene: Scene, tag: int, heights: list[tuple[float, bool]], message: str
+    problem: Problem, scene: Scene, tag: int, external: FloatArray, message: str
 ) -> FailingPose | None:
     spins = spin_values(_POSED_STEP, *problem.cell.optimize.range)
     spins = spins[np.argsort(np.abs(spins), kind="stable")]
     tags = np.full(len(spins), tag)
     spare: FailingPose | None = None
-    for height, contact in heights:
+    for height, contact in _heights(problem, tag):
         found = postures(problem, tags, problem.placement.tcp(tags, spins, height), np.zeros(6))
         q = found.q[found.inside]
         if len(q):
-            shown = colliding_pose(q, scene, np.full(len(q), contact), message)
+            poses = np.hstack([q, np.tile(external, (len(q), 1))])
+            shown = colliding_pose(poses, scene, np.full(len(q), contact), message)
             if shown is not None:
                 return shown
             spare = spare or FailingPose(q[0], _free(problem, q[0]))
@@ -304,25 +327,33 @@ def _pose(
 def _nearest(problem: Problem, tag: int, spins: FloatArray) -> FailingPose | None:
     """Return the pose where the way from the tag to the shoulder first comes within reach."""
     T_robroot_base = problem.placement.T_robroot_base
-    shoulder = problem.kinematics.link_frames(np.zeros(6))[2, :3, 3]
     target = problem.placement.tcp(np.array([tag]), spins[:1])[0, :3, 3]
-    way = T_robroot_base[:3, :3].T @ (shoulder - T_robroot_base[:3, 3]) - target
+    way = T_robroot_base[:3, :3].T @ (_shoulder(problem) - T_robroot_base[:3, 3]) - target
     tags = np.full(len(spins), tag)
-    for share in np.linspace(0.0, 1.0, _SHARES)[1:]:
+
+    def within(share: float) -> FloatArray:
         T = problem.placement.tcp(tags, spins)
         T[:, :3, 3] += share * way
         found = postures(problem, tags, T, np.zeros(6))
-        if found.inside.any():
-            short = share * float(np.linalg.norm(way))
-            note = f"closest the arm gets: {short / MM:.0f} mm short of the tag"
-            return FailingPose(found.q[found.inside][0], note)
-    return None
+        return np.asarray(found.q[found.inside])
+
+    shares = np.linspace(0.0, 1.0, _SHARES)
+    first = next((k for k, share in enumerate(shares) if len(within(share))), None)
+    if not first:
+        return None
+    low, high = shares[first - 1], shares[first]
+    while (high - low) * np.linalg.norm(way) > MM:
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if len(within(middle)) else (middle, high)
+    short = high * float(np.linalg.norm(way))
+    note = f"closest the arm gets: {short / MM:.0f} mm short of the tag"
+    return FailingPose(within(high)[0], note)
 
 
 def colliding_pose(
     q: FloatArray, scene: Scene, contact: BoolArray, message: str
 ) -> FailingPose | None:
-    """Return one of the poses (m, 6) that collides, None without any.
+    """Return one of the poses (m, 6 + k) that collides, None without any.
 
     With the pair that the finding's message names, else the pair that hits most often.
     ``contact`` (m,): where cutting solids may touch the workpiece.
@@ -336,7 +367,7 @@ def colliding_pose(
     one, two = hits.pairs[pair]
     row = int(np.flatnonzero(hits.pair == pair)[0])
     point = scene.meeting_point(q[row], pair)
-    return FailingPose(q[row], f"{one} hits {two}", (one, two), point)
+    return FailingPose(q[row, :6], f"{one} hits {two}", (one, two), point)
 
 
 def _free(problem: Problem, q: FloatArray) -> str:

@@ -227,9 +227,10 @@ export class ProgramView {
     this.scene.highlight(names, point);
   }
 
-  // shows a pose: {q, frames, pair, point}
-  pose({ q, frames, pair, point }) {
+  // shows a pose: {q, frames, pair, point}, and stand where external axes carry robot and part
+  pose({ q, frames, pair, point, stand }) {
     this.#angles = q.slice();
+    if (stand) this.scene.stand(...stand);
     this.scene.work(...frames);
     this.scene.place(this.#angles);
     this.scene.miss(this.#shown >= 0 ? this.data.point(this.#shown) : null);

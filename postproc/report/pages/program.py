@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from postproc.arrays import AnyIntArray, IntArray
+from postproc.arrays import AnyIntArray, FloatArray, IntArray
 from postproc.cell import Cell
 from postproc.errors import Finding, Severity, headlines
 from postproc.model import MoveKind, MoveRole, Plan, ToolPath
@@ -85,7 +85,7 @@ def program_data(
         **_tags(plan.toolpath, cell, maps, columns),
         **_texts(plan, text),
         "failing": {str(tag): message for tag, message in failing.items()},
-        "poses": pose_data(maps.poses),
+        "poses": pose_data(maps.poses, cell),
         "move_of_tag": packed(maps.moves, "int32"),
         "objective": str(cell.optimize.objective),
         "spin_map": None if maps.spins is None else _spin_map_data(maps.spins),
@@ -160,7 +160,7 @@ def _nearest(maps: PlanMaps, columns: Sequence[TagColumn]) -> str:
     return f" {', '.join(words).capitalize()}." if words else ""
 
 
-def pose_data(poses: Mapping[int, FailingPose]) -> dict[str, Any]:
+def pose_data(poses: Mapping[int, FailingPose], cell: Cell) -> dict[str, Any]:
     """Return poses of failing tags or motions for the page's scripts."""
     return {
         str(row): {
@@ -169,6 +169,7 @@ def pose_data(poses: Mapping[int, FailingPose]) -> dict[str, Any]:
             "point": None if pose.point is None else pose.point.tolist(),
             "note": pose.note,
             "frames": [pose.tool, pose.base],
+            "stand": _stand(cell, pose.external) if len(pose.external) else None,
         }
         for row, pose in poses.items()
     }
@@ -220,12 +221,14 @@ def _stations(plan: Plan, cell: Cell) -> dict[str, Any]:
     if not cell.external_axes or not plan.external.shape[1]:
         return {"stations": [], "station": packed(np.zeros(0), "uint16")}
     values, row = np.unique(plan.external, axis=0, return_inverse=True)
-    here = [cell_at(cell, value) for value in values]
-    frames = [
-        [[float(v) for v in T.ravel()] for T in (at.robot.T_world_robroot, T_world_base(at))]
-        for at in here
-    ]
-    return {"stations": frames, "station": packed(row.ravel(), "uint16")}
+    stations = [_stand(cell, value) for value in values]
+    return {"stations": stations, "station": packed(row.ravel(), "uint16")}
+
+
+def _stand(cell: Cell, external: FloatArray) -> list[list[float]]:
+    """Return the frames of robot and workpiece in the world where external axes (k,) stand."""
+    at = cell_at(cell, external)
+    return [T.ravel().tolist() for T in (np.asarray(at.robot.T_world_robroot), T_world_base(at))]
 
 
 def _tags(path: ToolPath, cell: Cell, maps: PlanMaps, columns: list[TagColumn]) -> dict[str, Any]:

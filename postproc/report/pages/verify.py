@@ -86,7 +86,7 @@ def verify_page(
         **_rows(report.run, drawing.cell, columns),
         **_texts(report.run, toolpath),
         "failing": {str(row): "; ".join(text) for row, text in maps.texts.items()},
-        "poses": pose_data(maps.poses),
+        "poses": pose_data(maps.poses, drawing.cell),
         "objective": "",
         "spin_map": None,
     }
