@@ -1,4 +1,4 @@
-"""Run by freecadcmd: a plate with holes, a job with profile and drilling, our post processor."""
+"""Run by FreeCAD: a plate with holes, a job with profile and drilling, our post processor."""
 
 import json
 import os
@@ -79,16 +79,39 @@ def by_factory(job):
     return PostProcessorFactory.get_post_processor(job, "postproc_krl").export() or []
 
 
+def commanded(job):
+    """Return what the command of the workbench says of the selected job; files are its own."""
+    import FreeCADGui
+    from PySide import QtGui
+
+    said = []
+    QtGui.QFileDialog.getOpenFileName = staticmethod(lambda *_: (os.environ["CELL"], ""))
+    QtGui.QMessageBox.warning = staticmethod(lambda *words: said.append(words[-1]))
+    FreeCADGui.activateWorkbench("PostprocKrl")
+    FreeCADGui.Selection.clearSelection()
+    FreeCADGui.Selection.addSelection(job)
+    job.PostProcessorOutputFile = os.environ["TARGET"]
+    FreeCADGui.runCommand("Postproc_KRL")
+    return {"said": said}
+
+
 def main():
     answer = {}
     try:
         job = make_job()
         items = [*job.Tools.Group, *job.Operations.Group]
         answer["commands"] = [[c.Name, c.Parameters] for o in items for c in o.Path.Commands]
-        answer |= posted(job, os.environ["TARGET"])
+        answer |= commanded(job) if FreeCAD.GuiUp else posted(job, os.environ["TARGET"])
     except Exception:  # noqa: BLE001 - handed to the test
         answer["error"] = traceback.format_exc()
     pathlib.Path(os.environ["ANSWER"]).write_text(json.dumps(answer))
+    if FreeCAD.GuiUp:
+        os._exit(0)
 
 
-main()
+if FreeCAD.GuiUp:
+    from PySide import QtCore
+
+    QtCore.QTimer.singleShot(2000, main)  # when the window is there
+else:
+    main()

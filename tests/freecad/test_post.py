@@ -1,6 +1,7 @@
 import importlib.util
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -21,6 +22,11 @@ from tests.places import ROOT
 
 ADD_ON = ROOT / "docs" / "examples" / "freecad"
 POST = ADD_ON / "postproc_krl_post.py"
+CONFIGURATION = """<FCParameters><FCParamGroup Name="Root"><FCParamGroup Name="BaseApp">
+<FCParamGroup Name="Preferences"><FCParamGroup Name="General">
+<FCText Name="AutoloadModule">PartWorkbench</FCText>
+</FCParamGroup></FCParamGroup></FCParamGroup></FCParamGroup></FCParameters>
+"""
 
 
 @pytest.fixture(scope="module")
@@ -164,24 +170,31 @@ def test_arguments(post, tmp_path):
         post.export([], str(tmp_path / "a.src"), "--cell=c.toml --postproc=no_such_command_here")
 
 
-@pytest.fixture(scope="module")
-def freecad(tmp_path_factory):
-    """A real job of FreeCAD, posted: the folder and what the script tells.
+def command():
+    """The words that start FreeCAD without a window; the test is skipped where there is none.
 
     ``POSTPROC_FREECAD`` names the command of one that is not on the PATH, ``POSTPROC`` that of
     postproc where that FreeCAD sees it.
     """
     named = os.environ.get("POSTPROC_FREECAD", "").split()
-    command = named or [c for c in map(shutil.which, ("freecadcmd", "FreeCADCmd")) if c][:1]
-    if not command:
+    found = named or [c for c in map(shutil.which, ("freecadcmd", "FreeCADCmd")) if c][:1]
+    if not found:
         pytest.skip("freecadcmd is not installed (Debian package freecad)")
-    folder = tmp_path_factory.mktemp("freecad")
+    return found
+
+
+def run_job(folder, words):
+    """Run the job script in a FreeCAD that has the add-on; return what it tells."""
     kept = (".local/share/FreeCAD/Mod", ".FreeCAD/Mod")  # of 1.0 and 0.20, of older ones
     for place in kept:
         shutil.copytree(ADD_ON, folder / place / "postproc_krl")
+    for place in (".config/FreeCAD", ".FreeCAD"):
+        (folder / place).mkdir(parents=True, exist_ok=True)
+        (folder / place / "user.cfg").write_text(CONFIGURATION)
     (folder / "cell.toml").write_text(cell_text(STIFFNESS))
     environment = {
         "POSTPROC": f"{sys.executable} -m postproc",
+        "QT_QPA_PLATFORM": "offscreen",
         **os.environ,
         "HOME": str(folder),
         "TARGET": str(folder / "plate.src"),
@@ -191,15 +204,32 @@ def freecad(tmp_path_factory):
     script = folder / "job_script.py"
     shutil.copy(Path(__file__).parent / "job_script.py", script)
     done = subprocess.run(
-        [*command, str(script)], env=environment, capture_output=True, timeout=300, check=False
+        [*words, str(script)], env=environment, capture_output=True, timeout=300, check=False
     )
     assert (folder / "answer.json").is_file(), (done.stdout[-500:], done.stderr[-2000:])
-    return folder, json.loads((folder / "answer.json").read_text())
+    answer = json.loads((folder / "answer.json").read_text())
+    assert "error" not in answer, answer["error"]
+    return answer
+
+
+@pytest.fixture(scope="module")
+def freecad(tmp_path_factory):
+    """A real job of FreeCAD, posted: the folder and what the script tells."""
+    folder = tmp_path_factory.mktemp("freecad")
+    return folder, run_job(folder, command())
+
+
+def test_the_command_of_the_workbench_posts_the_selected_job(tmp_path):
+    *before, name = command()
+    window = re.sub("cmd$", "", name, flags=re.IGNORECASE)
+    if not before and shutil.which(window) is None:
+        pytest.skip("this FreeCAD has no window")
+    assert run_job(tmp_path, [*before, window])["said"] == []
+    assert (tmp_path / "plate.src").read_text(encoding="latin-1").startswith("&ACCESS")
 
 
 def test_a_job_of_freecad_becomes_a_program(freecad):
     folder, answer = freecad
-    assert "error" not in answer, answer["error"]
     assert answer["text"].startswith("&ACCESS")
     apt = (folder / "plate.apt").read_text()
     assert "LOADTL/1\n" in apt
