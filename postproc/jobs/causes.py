@@ -34,6 +34,7 @@ from postproc.jobs.cures import (
     turns,
     units,
 )
+from postproc.jobs.unit_doubts import on_the_part
 from postproc.model import ToolPath
 from postproc.planning import Reach
 from postproc.records import dataclass
@@ -189,15 +190,21 @@ class _Job:
         ``suspect``: those that look wrong by themselves, or those that do not.
         """
         if self._most is suspect:
-            is_open = any(text.startswith("lengths in mm") for text in self._path.assumed)
-            now = self._cell.reading.units or ("mm" if is_open else "")
-            yield from self._least(list(units(self._cell, now)))
+            yield from self._least(list(units(self._cell, self._unit())))
         if not self._most:
             return
         if axis_points_back(self._cell) is suspect:
             yield from self._least(list(tool_axes(self._cell)))
         if turned_away(self._reach) is suspect:
             yield from self._least(list(turns(self._reach, self._cell)))
+
+    def _unit(self) -> str:
+        """Return the unit of the input that may be wrong; tags that lie on the part prove it."""
+        pieces = [(p.placement.p_base_tcp[tags], p.cell) for p, tags in self._reach.pieces]
+        if all(on_the_part(points, cell) for points, cell in pieces):
+            return ""
+        is_open = any(text.startswith("lengths in mm") for text in self._path.assumed)
+        return self._cell.reading.units or ("mm" if is_open else "")
 
     def _in_the_way(self) -> Iterator[Obstacle]:
         """Yield solids without which all stand: fixtures, then tools with the part they hit."""

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from postproc.arrays import IndexArray
+from postproc.arrays import FloatArray, IndexArray
 from postproc.cell import Cell
 from postproc.errors import ReadError
 from postproc.kinematics import build
@@ -47,7 +47,7 @@ def check_units(toolpath: ToolPath, cell: Cell) -> None:
         return
     tags = np.unique(tags[np.linspace(0, len(tags) - 1, _SAMPLE).astype(np.int64)])
     here = cell.with_tool(int(claims.tool[tags[0]]), int(claims.base[tags[0]]))
-    for fits, what in ((_reached, "within reach"), (_on_the_part, "on the workpiece")):
+    for fits, what in ((_reached, "within reach"), (_lie_on_the_part, "on the workpiece")):
         if fits(claims.toolpath, tags, here, 1.0) is not False:
             continue
         for unit in _OTHERS:
@@ -71,12 +71,16 @@ def _reached(toolpath: ToolPath, tags: IndexArray, cell: Cell, scale: float) -> 
     return True if found.all() else False if not found.any() else None
 
 
-def _on_the_part(toolpath: ToolPath, tags: IndexArray, cell: Cell, scale: float) -> bool | None:
-    """Return whether all tags lie on the workpiece; None for some, or without a solid of it."""
+def _lie_on_the_part(toolpath: ToolPath, tags: IndexArray, cell: Cell, scale: float) -> bool | None:
+    return on_the_part(toolpath.points[tags] * scale, cell)
+
+
+def on_the_part(points: FloatArray, cell: Cell) -> bool | None:
+    """Return whether all points (n, 3) lie on the workpiece; None for some, or without a solid."""
     if not cell.workpiece.meshes:
         return None
     from postproc.collision import Scene
 
     scene = Scene.shared(cell, build(cell.robot))
-    distance = scene.nearest_surface(toolpath.points[tags] * scale).distance
+    distance = scene.nearest_surface(points).distance
     return True if (distance < _ON_IT).all() else False if (distance > _ELSEWHERE).all() else None
