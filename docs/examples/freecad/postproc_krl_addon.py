@@ -44,16 +44,20 @@ def post(job):
     """Write the programs of a job, as this FreeCAD's own command does."""
     try:
         from Path.Post.Processor import PostProcessorFactory
-    except ImportError:  # before FreeCAD 1.0
-        from PathScripts.PathPost import CommandPathPost
+    except ImportError:
+        _post_before_1_0(job)
+    else:
+        PostProcessorFactory.get_post_processor(job, POST).export()
 
-        own = CommandPathPost()
-        if job.SplitOutput and "%s" not in job.PostProcessorOutputFile:
-            raise ValueError("a split job needs %s in its output file: a name for each part")
-        for part in own.buildPostList(job):
-            own.exportObjectsWith(part, job)
-        return
-    PostProcessorFactory.get_post_processor(job, POST).export()
+
+def _post_before_1_0(job):
+    from PathScripts.PathPost import CommandPathPost
+
+    if job.SplitOutput and "%s" not in job.PostProcessorOutputFile:
+        raise ValueError("a split job needs %s in its output file: a name for each part")
+    own = CommandPathPost()
+    for part in own.buildPostList(job):
+        own.exportObjectsWith(part, job)
 
 
 class PostCommand:
