@@ -8,16 +8,18 @@ reader, so a large one loads what it reads with in its ``read``.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
-from postproc.arrays import FloatArray
+import numpy as np
+
+from postproc.arrays import NONE, AnyIntArray, FloatArray, IntArray
 from postproc.cell import Reading
 from postproc.errors import Finding, PluginError, ReadError, Severity, SourceRef, UsageError
 from postproc.files import open_input, spooled
-from postproc.model import ToolPath
+from postproc.model import CamTool, Event, EventKind, ToolPath
 from postproc.readers.text import AS_CSV, check_text
 from postproc.records import dataclass
 from postproc.registry import Registry
@@ -134,6 +136,48 @@ class ReadOptions:
         """Words that the user knows to be harmless."""
         words = self.accept_words
         return tuple(words.split(",")) if isinstance(words, str) else words
+
+
+def distinct(keys: Iterable[Hashable]) -> tuple[IntArray, dict[Any, int]]:
+    """Return which of the distinct keys each of n rows has, and the first row of each key.
+
+    Args:
+        keys: n of them; one that is false means that the row names nothing.
+
+    Returns:
+        (n,) indices of keys in the order of their first rows, -1 for nothing; key to row.
+    """
+    first: dict[Any, int] = {}
+    index: dict[Any, int] = {}
+    column = []
+    for row, key in enumerate(keys):
+        if key and key not in index:
+            index[key], first[key] = len(index), row
+        column.append(index[key] if key else NONE)
+    return np.array(column, dtype=np.int32), first
+
+
+def tool_changes(
+    tool: AnyIntArray, tools: Sequence[CamTool], line: AnyIntArray, *, with_first: bool
+) -> list[Event]:
+    """Return an event wherever another tool works than before.
+
+    Args:
+        tool: (n,) indices into ``tools``, -1 where none is called: the one before stays.
+        tools: distinct tools.
+        line: (n,) where the tool is called.
+        with_first: whether the first tool is changed to, too; else it is in the spindle already.
+
+    Returns:
+        Events in order, with number and name of the tool.
+    """
+    called = np.flatnonzero(tool >= 0)
+    changed = called[np.diff(tool[called], prepend=-1) != 0]
+    return [
+        Event(i, EventKind.TOOL_CHANGE, float(new.number), new.name, int(line[i]))
+        for i in changed[0 if with_first else 1 :].tolist()
+        for new in [tools[tool[i]]]
+    ]
 
 
 HABITS = (
@@ -273,9 +317,6 @@ def _sniffed(path: str, head: bytes) -> tuple[str, tuple[Finding, ...]]:
     if best[0] <= 0.0:
         raise _unknown(path, head)
     if best[0] == runner_up[0]:
-        raise UsageError(
-            "IO013",
-            f"this may be {best[1]} or {runner_up[1]}, say which with --format",
-            SourceRef(path),
-        )
+        text = f"this may be {best[1]} or {runner_up[1]}, say which with --format"
+        raise UsageError("IO013", text, SourceRef(path))
     return best[1], tuple(failed)

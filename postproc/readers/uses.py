@@ -7,7 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from postproc.errors import ReadError
 from postproc.model import WordClass, WordUse
+from postproc.readers.text import Faults
 from postproc.records import dataclass
 
 Key = tuple[str, WordClass, str, bool, str]
@@ -50,3 +52,34 @@ class WordUses:
             for (word, word_class, reason, refused, hint), lines in self._lines.items()
         ]
         return tuple(sorted(found, key=lambda use: use.lines[0]))
+
+
+class AtLine:
+    """Says what is wrong with the line at hand of a file that is read.
+
+    ``line``, ``text``: of the statement at hand; what stands there is shown with an error.
+    """
+
+    def __init__(self, faults: Faults, uses: WordUses | None = None) -> None:
+        self.faults, self.uses = faults, uses or WordUses()
+        self.line, self.text = 0, ""
+
+    def error(self, code: str, message: str, hint: str = "") -> ReadError:
+        """Return an error, to be raised."""
+        return self.faults.error(code, message, self.line, self.text, hint)
+
+    def warn(self, code: str, message: str) -> None:
+        """Keep a warning."""
+        self.faults.warn(code, message, self.line)
+
+    def fix(self, code: str, message: str, done: str) -> None:
+        """Record a fault that has one possible meaning, or raise it, see ``Faults.fix``."""
+        self.faults.fix(code, message, done, self.line, self.text)
+
+    def refuse(self, word: str, word_class: WordClass, reason: str, hint: str = "") -> None:
+        """Keep a word that forbids a program until the user accepts it."""
+        self.uses.refuse(word, word_class, self.line, reason, hint)
+
+    def note(self, word: str, word_class: WordClass, reason: str, hint: str = "") -> None:
+        """Keep a word that is harmless, or how it was read."""
+        self.uses.note(word, word_class, self.line, reason, hint)

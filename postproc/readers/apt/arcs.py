@@ -130,13 +130,12 @@ def _closing(
     if len(bad):
         i = int(bad[0])
         angle = np.degrees(angle_about(normal, to_start, to_end)[i])
-        raise faults.error(
-            "APT085",
+        text = (
             f"an arc of {np.degrees(records.sweep[i]):.4f} deg does not lead from its start to its "
             f"end, which lie {angle:.4f} deg apart: it misses by "
-            f"{min(forth[i], back[i]) / MM:.4f} mm",
-            int(records.line[i]),
+            f"{min(forth[i], back[i]) / MM:.4f} mm"
         )
+        raise faults.error("APT085", text, int(records.line[i]))
     open_ends = ~(np.maximum(forth, back) > allowed) & ~(records.sweep < _SHORT)
     return np.where(open_ends, 0, np.where(back < forth, -1, 1)).astype(np.int32)
 
@@ -146,12 +145,11 @@ def _check_rise(records: ArcRecords, rise: FloatArray, faults: Faults) -> None:
     bad = np.flatnonzero(np.abs(np.abs(rise) - np.abs(records.rise)) > RADIUS_GAP)
     if len(bad):
         i = int(bad[0])
-        raise faults.error(
-            "APT086",
+        text = (
             f"ARCSLP says a rise of {records.rise[i] / MM:.4f} mm, start and end of the arc say "
-            f"{rise[i] / MM:.4f} mm",
-            int(records.line[i]),
+            f"{rise[i] / MM:.4f} mm"
         )
+        raise faults.error("APT086", text, int(records.line[i]))
 
 
 def other_way(arcs: Arcs, rows: BoolArray) -> Arcs:
@@ -197,11 +195,8 @@ def _checked_radius(
     if len(bad):
         i = int(bad[0])
         radii = f"{r_start[i] / MM:.4f}, {radius[i] / MM:.4f} and {written[i] / MM:.4f} mm"
-        raise faults.error(
-            "APT038",
-            f"start, end and radius of an arc do not fit one circle: {radii}",
-            int(records.line[i]),
-        )
+        text = f"start, end and radius of an arc do not fit one circle: {radii}"
+        raise faults.error("APT038", text, int(records.line[i]))
     return radius
 
 
@@ -314,20 +309,18 @@ def settled_senses(
                 f"vector{why}", _HINT,
             )  # fmt: skip
         elif alone[row]:
-            faults.warn(
-                "APT133",
+            text = (
                 "both senses of an arc meet its end and no tangent neighbour decides it; it goes "
-                "counterclockwise about the written vector",
-                line,
+                "counterclockwise about the written vector"
             )
+            faults.warn("APT133", text, line)
         elif sense[row] < 0 and not is_told[row]:
-            faults.warn(
-                "APT134",
+            message = (
                 "an arc without a sense in its record goes clockwise about its vector, since arcs "
                 "of this file are then tangent to their neighbours; most systems mean "
-                "counterclockwise",
-                line,
+                "counterclockwise"
             )
+            faults.warn("APT134", message, line)
     return arcs
 
 

@@ -10,7 +10,7 @@ import re
 from math import isnan, radians
 
 from postproc.readers.apt.statement import Statement, bounded
-from postproc.readers.text import Faults
+from postproc.readers.uses import AtLine
 from postproc.records import dataclass
 
 NAN = float("nan")
@@ -55,148 +55,126 @@ class WrittenArc:
 
 
 def numbers_of(
-    statement: Statement, args: tuple[str, ...], faults: Faults, line: int, blanks: bool = False
+    at: AtLine, statement: Statement, args: tuple[str, ...], blanks: bool = False
 ) -> list[float]:
     """Return the numbers of a motion statement, with the fixes of ``--recover``.
 
     Args:
+        at: for fixes and errors.
         statement: for the messages.
         args: the arguments that must be numbers.
-        faults: for fixes and errors.
-        line: of the statement.
         blanks: whether a blank may stand for a comma in this dialect.
     """
     rest = list(args)
     while rest and not rest[-1]:
         rest.pop()
-        faults.fix("APT020", "empty field at the end", "it is left out", line, statement.text)
+        at.fix("APT020", "empty field at the end", "it is left out")
     if any(" " in arg for arg in rest):
         if not blanks:
-            faults.fix(
-                "APT021", "two numbers without a comma between them",
-                "the blank separates them", line, statement.text,
-            )  # fmt: skip
+            at.fix("APT021", "two numbers without a comma between them", "the blank separates them")
         rest = [part for arg in rest for part in arg.split()]
     values = []
     for arg in rest:
         value = bounded(arg)
         if value is None:
-            raise faults.error(
+            raise at.error(
                 "APT022",
                 f"{statement.word} has {arg[:20]!r} where a number of at most 1e9 was expected",
-                line,
-                statement.text,
             )
         values.append(value)
     return values
 
 
-def circle(statement: Statement, faults: Faults, line: int, blanks: bool) -> WrittenArc:
+def circle(at: AtLine, statement: Statement, blanks: bool) -> WrittenArc:
     """Return the arc of CIRCLE/: centre, vector, perhaps radius, sense, TIMES or five more."""
     words = statement.upper
-    turns, words = _turns(statement, words, faults, line)
+    turns, words = _turns(at, words)
     sign = _SENSES.get(words[-1], NAN) if words else NAN
     words = words if isnan(sign) else words[:-1]
-    values = numbers_of(statement, words, faults, line, blanks)
+    values = numbers_of(at, statement, words, blanks)
     if len(values) < 6:
-        raise faults.error(
-            "APT032",
+        text = (
             f"{statement.word} has {len(values)} numbers, expected centre, vector and perhaps "
-            "radius",
-            line,
-            statement.text,
+            "radius"
         )
+        raise at.error("APT032", text)
     eighth = values[_SWEEP_FIELD] if len(values) >= _ELEVEN else NAN
     return WrittenArc([*values, NAN][:7], sign, eighth=eighth, turns=turns)
 
 
-def _turns(
-    statement: Statement, words: tuple[str, ...], faults: Faults, line: int
-) -> tuple[int, tuple[str, ...]]:
+def _turns(at: AtLine, words: tuple[str, ...]) -> tuple[int, tuple[str, ...]]:
     """Return the number behind TIMES and the words before it."""
     if "TIMES" not in words:
         return 0, words
-    at = words.index("TIMES")
-    count = bounded(words[at + 1]) if at + 1 < len(words) else None
+    place = words.index("TIMES")
+    count = bounded(words[place + 1]) if place + 1 < len(words) else None
     if count is None or count != int(count) or not 0 <= count <= _MOST_TURNS:
-        raise faults.error("APT031", "TIMES needs a whole number of turns", line, statement.text)
-    return int(count), words[:at]
+        raise at.error("APT031", "TIMES needs a whole number of turns")
+    return int(count), words[:place]
 
 
-def arc_with_end(statement: Statement, faults: Faults, line: int) -> WrittenArc:
+def arc_with_end(at: AtLine, statement: Statement) -> WrittenArc:
     """Return the arc of ARC/: as CIRCLE, then the end point."""
-    values = numbers_of(statement, statement.args, faults, line)
+    values = numbers_of(at, statement, statement.args)
     if len(values) not in (10, 14):
-        raise faults.error(
-            "APT032",
-            f"ARC has {len(values)} numbers, expected those of a CIRCLE and the end point",
-            line,
-            statement.text,
-        )
+        text = f"ARC has {len(values)} numbers, expected those of a CIRCLE and the end point"
+        raise at.error("APT032", text)
     eighth = values[_SWEEP_FIELD] if len(values) == 14 else NAN
     return WrittenArc(values[:7], eighth=eighth, end=values[-3:])
 
 
-def movarc(statement: Statement, faults: Faults, line: int) -> WrittenArc:
+def movarc(at: AtLine, statement: Statement) -> WrittenArc:
     """Return the arc of MOVARC/: c, n, r, ANGLE, degrees, or CENTER, c, AXIS, n, RADIUS, r."""
     words = statement.upper
     if words[:1] == ("CENTER",):
         order = (words[0:1], words[4:5], words[8:9])
         if order == (("CENTER",), ("AXIS",), ("RADIUS",)) and len(words) == 10:
             picked = (*words[1:4], *words[5:8], words[9])
-            return WrittenArc(numbers_of(statement, picked, faults, line), 1.0)
-        raise _bad_movarc(statement, faults, line)
+            return WrittenArc(numbers_of(at, statement, picked), 1.0)
+        raise _bad_movarc(at)
     if "ANGLE" in words:
         words = tuple(word for word in words if word != "ANGLE")
         if statement.upper.index("ANGLE") != 7:
-            raise _bad_movarc(statement, faults, line)
-    values = numbers_of(statement, words, faults, line)
+            raise _bad_movarc(at)
+    values = numbers_of(at, statement, words)
     if len(values) != 8 or not abs(values[7]) <= 360.0 * _MOST_TURNS:
-        raise _bad_movarc(statement, faults, line)
+        raise _bad_movarc(at)
     return WrittenArc(values[:7], 1.0, is_free=True, sweep=radians(values[7]))
 
 
-def _bad_movarc(statement: Statement, faults: Faults, line: int) -> Exception:
-    return faults.error(
-        "APT084",
+def _bad_movarc(at: AtLine) -> Exception:
+    text = (
         "MOVARC needs centre, vector, radius, ANGLE, degrees, "
-        "or CENTER, x,y,z, AXIS, i,j,k, RADIUS, r",
-        line,
-        statement.text,
+        "or CENTER, x,y,z, AXIS, i,j,k, RADIUS, r"
     )
+    return at.error("APT084", text)
 
 
 def tool_on(
+    at: AtLine,
     statement: Statement,
     tangent: list[float] | None,
     towards: list[float] | None,
-    faults: Faults,
-    line: int,
 ) -> WrittenArc:
     """Return the arc of TLON,GOFWD/: on a circle or cylinder up to a line, a point or a plane.
 
     Args:
+        at: for the errors.
         statement: the whole statement, its text in parentheses.
         tangent: start direction that INDIRV gave.
         towards: point that INDIRP gave.
-        faults: for the errors.
-        line: of the statement.
     """
     text = statement.text
     if tangent is None and towards is None:
-        raise faults.error(
-            "APT034", "TLON without INDIRV or INDIRP before it: no start direction", line, text
-        )
+        raise at.error("APT034", "TLON without INDIRV or INDIRP before it: no start direction")
     found = _on_plane(text) or _on_cylinder(text) or _on_line(text)
     if _TLON.match(text) is None or found is None:
-        raise faults.error(
-            "APT033",
+        message = (
             "TLON is read as an arc only: (CIRCLE/x,y,z,r),ON,(LINE/x,y,z,x,y,z), "
             "(CYLNDR/x,y,z,i,j,k,r),ON,(PLANE/PERPTO,..,(POINT/x,y,z)) "
-            "or (CIRCLE/CANON,x,y,z,i,j,k,r),ON,(PLANE/i,j,k,d)",
-            line,
-            text,
+            "or (CIRCLE/CANON,x,y,z,i,j,k,r),ON,(PLANE/i,j,k,d)"
         )
+        raise at.error("APT033", message)
     found.tangent, found.towards = tangent, towards
     return found
 

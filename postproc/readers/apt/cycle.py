@@ -54,77 +54,75 @@ _SIEMENS = {"CYCLE81": 5, "CYCLE82": 6, "CYCLE83": 12}
 """Siemens drill cycles and how many numbers each has at most: RTP, RFP, SDIS, DP, DPR, ..."""
 
 
-def cycle_statement(state: AptState, statement: Statement, line: int) -> None:
+def cycle_statement(state: AptState, statement: Statement) -> None:
     """Handle CYCLE/...: begin, change, resume or end a drill cycle."""
     words = statement.upper
     first = words[0] if words else ""
     if first in _SIEMENS:
-        siemens_statement(state, Statement(first, statement.args[1:], statement.text), line)
+        siemens_statement(state, Statement(first, statement.args[1:], statement.text))
     elif first in {"OFF", "NOMORE"}:
         state.cycle.set(state.at, -1)
     elif first in {"INIT", "CLEAR"}:
         state.cycle.set(state.at, -1)
         state.drill.words, state.drill.last = {}, -1
     elif first == "ON":
-        _resume(state, statement, line)
+        _resume(state, statement)
     elif first == "MILL" or first not in _KINDS:
-        _no_hole(state, statement, first, line)
+        _no_hole(state, statement, first)
     else:
-        _drill(state, statement, line)
+        _drill(state, statement)
 
 
-def _resume(state: AptState, statement: Statement, line: int) -> None:
+def _resume(state: AptState, statement: Statement) -> None:
     """CYCLE/ON brings the last cycle back; with parameters, these change it."""
     if len(statement.args) == 1:
         if state.drill.last < 0:
-            state.drill.void.append((state.tag, line))
+            state.drill.void.append((state.tag, state.line))
         state.cycle.set(state.at, state.drill.last)
         return
     if not state.drill.words:
-        raise state.faults.error(
-            "APT040", "CYCLE/ON with parameters but no cycle before it", line, statement.text
-        )
+        raise state.error("APT040", "CYCLE/ON with parameters but no cycle before it")
     kind = state.cycles[state.drill.last].kind
-    new = parameters(state, statement, line)
+    new = parameters(state, statement)
     gone = set().union(*(_REPLACES.get(name, set()) for name in new)) - set(new)
     found = {**{k: v for k, v in state.drill.words.items() if k not in gone}, **new}
-    _begin(state, kind, found, line, statement)
+    _begin(state, kind, found, statement)
 
 
-def _no_hole(state: AptState, statement: Statement, first: str, line: int) -> None:
+def _no_hole(state: AptState, statement: Statement, first: str) -> None:
     """Take the points of a cycle that makes no hole, or an unknown one, as plain moves."""
     state.cycle.set(state.at, -1)
     name = f"CYCLE/{first[:20]}"
     if first == "MILL" and len(statement.args) == 1:
-        state.uses.note(name, WordClass.PROCESS, line, "only positions; its point is no hole")
+        state.note(name, WordClass.PROCESS, "only positions; its point is no hole")
         return
     why = {
         "MILL": "only positions; its depth is not run",
         "CIRCUL": "mills a circular pocket, which is not run",
     }.get(first, "is not a drill cycle that is known; its points are read as plain moves")
-    state.uses.refuse(name, WordClass.GEOMETRY, line, f"{first[:20]} {why}")
+    state.refuse(name, WordClass.GEOMETRY, f"{first[:20]} {why}")
 
 
-def _drill(state: AptState, statement: Statement, line: int) -> None:
+def _drill(state: AptState, statement: Statement) -> None:
     """Begin a cycle; equal texts are parsed once."""
     known = state.drill.memo.get(statement.text)
     if known is not None:
         index, state.drill.words, said = known
-        state.uses.repeat(said, line)
-        state.drill.heights[index][2].append(line)
+        state.uses.repeat(said, state.line)
+        state.drill.heights[index][2].append(state.line)
         state.drill.last = index
         state.cycle.set(state.at, index)
         return
     before = len(state.uses.log)
     words = statement.upper
-    found = parameters(state, statement, line)
-    _ask_order(state, statement, line)
-    _begin(state, _kind(state, words, found, line), found, line, statement)
+    found = parameters(state, statement)
+    _ask_order(state, statement)
+    _begin(state, _kind(state, words, found), found, statement)
     said = state.uses.log[before:]
     state.drill.memo[statement.text] = int(state.cycle.value), found, said
 
 
-def _ask_order(state: AptState, statement: Statement, line: int) -> None:
+def _ask_order(state: AptState, statement: Statement) -> None:
     """Ask back what the numbers of a cycle mean where the seat is not known."""
     words = statement.upper
     if (
@@ -148,13 +146,11 @@ def _ask_order(state: AptState, statement: Statement, line: int) -> None:
             f"another table; read as those of {seat}"
         )
         hint = f"--dialect surfcam or --dialect catia, or {READINGS}"
-    state.uses.refuse(
-        f"CYCLE/{words[0]}", WordClass.GEOMETRY, line,
-        f"the numbers have no words and the seat is not known: {what}", hint,
-    )  # fmt: skip
+    reason = f"the numbers have no words and the seat is not known: {what}"
+    state.refuse(f"CYCLE/{words[0]}", WordClass.GEOMETRY, reason, hint)
 
 
-def siemens_statement(state: AptState, statement: Statement, line: int) -> None:
+def siemens_statement(state: AptState, statement: Statement) -> None:
     """Handle CYCLE81/..., CYCLE82/... and CYCLE83/... with Siemens' positional numbers.
 
     Also written ``CYCLE/CYCLE81,...`` and ``MCALL CYCLE81(...)``; modal until CYCLE/OFF or MCALL.
@@ -164,12 +160,7 @@ def siemens_statement(state: AptState, statement: Statement, line: int) -> None:
     numbers = [bounded(arg) if arg else NAN for arg in statement.args]
     most = _SIEMENS[statement.word]
     if not 4 <= len(numbers) <= most or None in numbers:
-        raise state.faults.error(
-            "APT041",
-            f"{statement.word} needs RTP, RFP, SDIS, DP[, DPR, ...]",
-            line,
-            statement.text,
-        )
+        raise state.error("APT041", f"{statement.word} needs RTP, RFP, SDIS, DP[, DPR, ...]")
     values = [NAN if v is None else v for v in numbers] + [NAN] * (most - len(numbers))
     retract, reference, safety, absolute, relative = values[:5]
     reference = 0.0 if isnan(reference) else reference
@@ -188,15 +179,15 @@ def siemens_statement(state: AptState, statement: Statement, line: int) -> None:
                   "dwell": values[8]}  # fmt: skip
     found = {name: value for name, value in found.items() if not isnan(value)}
     found.setdefault("depth", NAN)
-    _begin(state, kind, found, line, statement, signed=False)
+    _begin(state, kind, found, statement, signed=False)
 
 
-def _kind(state: AptState, words: tuple[str, ...], found: Found, line: int) -> CycleKind:
+def _kind(state: AptState, words: tuple[str, ...], found: Found) -> CycleKind:
     """Return what a cycle does, by the seat's meaning of the words."""
     first = words[0]
     kind = _KINDS[first]
     if first in _REFUSED:
-        state.uses.refuse(f"CYCLE/{first}", WordClass.PROCESS, line, _REFUSED[first])
+        state.refuse(f"CYCLE/{first}", WordClass.PROCESS, _REFUSED[first])
     if "DEEP" in words[1:]:
         kind = CycleKind.DEEP
     if "BRKCHP" in words[1:]:
@@ -206,60 +197,48 @@ def _kind(state: AptState, words: tuple[str, ...], found: Found, line: int) -> C
     if kind is CycleKind.DEEP and state.dialect.cycle_rule.deep_breaks:
         kind = CycleKind.BRKCHP
     elif kind is CycleKind.DEEP and state.dialect.cycle_grammar is CycleGrammar.UNKNOWN:
-        state.uses.note(
-            "CYCLE/DEEP", WordClass.PROCESS, line,
-            "full retracts after each peck; some systems mean chip breaking",
-        )  # fmt: skip
-    _refuse_undone(state, first, kind, found, line)
+        reason = "full retracts after each peck; some systems mean chip breaking"
+        state.note("CYCLE/DEEP", WordClass.PROCESS, reason)
+    _refuse_undone(state, first, kind, found)
     return kind
 
 
-def _refuse_undone(state: AptState, first: str, kind: CycleKind, found: Found, line: int) -> None:
+def _refuse_undone(state: AptState, first: str, kind: CycleKind, found: Found) -> None:
     """Refuse what a cycle asks for and no stroke of its kind does."""
     if kind not in _PECKING and {"peck", "peck_first"} & set(found):
-        state.uses.refuse(
-            f"CYCLE/{first}", WordClass.PROCESS, line,
-            f"a {kind.replace('_', ' ')} cycle with pecks: the tool would leave in rapid",
-        )  # fmt: skip
+        reason = f"a {kind.replace('_', ' ')} cycle with pecks: the tool would leave in rapid"
+        state.refuse(f"CYCLE/{first}", WordClass.PROCESS, reason)
     if kind in (CycleKind.DEEP, CycleKind.BRKCHP) and not (
         found.get("peck") or found.get("peck_first")
     ):
-        state.uses.refuse(
-            "CYCLE/STEP", WordClass.PROCESS, line,
-            f"{first} asks for pecks, and nothing says how deep: the hole is drilled at once",
-        )  # fmt: skip
+        text = f"{first} asks for pecks, and nothing says how deep: the hole is drilled at once"
+        state.refuse("CYCLE/STEP", WordClass.PROCESS, text)
     if "orient" in found:
-        state.uses.refuse(
-            ORIENT, WordClass.PROCESS, line,
-            "the spindle is to stand at an angle before the tool leaves the hole",
-            "for a bore: [krl.hooks] spindle_orient",
-        )  # fmt: skip
+        reason = "the spindle is to stand at an angle before the tool leaves the hole"
+        state.refuse(ORIENT, WordClass.PROCESS, reason, "for a bore: [krl.hooks] spindle_orient")
     if found.get("shift"):
-        state.uses.refuse(
-            "CYCLE/SHIFT", WordClass.PROCESS, line,
-            "the tool is to move off the wall before it leaves the hole",
-        )  # fmt: skip
+        reason = "the tool is to move off the wall before it leaves the hole"
+        state.refuse("CYCLE/SHIFT", WordClass.PROCESS, reason)
 
 
 def _begin(
     state: AptState,
     kind: CycleKind,
     found: Found,
-    line: int,
     statement: Statement,
     signed: bool = True,
 ) -> None:
     """Let a cycle hold from the next point on; equal cycles share one entry of the table."""
     state.drill.words = found
-    depth = _depth(state, found, line, statement, signed)
-    cycle = _cycle(state, kind, depth, found, line)
+    depth = _depth(state, found, signed)
+    cycle = _cycle(state, kind, depth, found)
     if cycle.repeat > 1:
-        state.uses.refuse(
-            "CYCLE/REPEAT", WordClass.PROCESS, line, f"each hole is to be made {cycle.repeat} times"
+        state.refuse(
+            "CYCLE/REPEAT", WordClass.PROCESS, f"each hole is to be made {cycle.repeat} times"
         )
     heights = _heights(state, depth, found, signed)
     if not heights.needs_level:
-        cycle = _levelled(state, cycle, heights, line, statement)
+        cycle = _levelled(state, cycle, heights)
     turned = ByTurns(cycle.feed_per_turn, cycle.pitch, found.get("dwell_turns", NAN), kind in LEFT)
     known = state.drill.index.setdefault(f"{cycle!r}{heights!r}{turned!r}", len(state.cycles))
     if known == len(state.cycles):
@@ -267,11 +246,11 @@ def _begin(
         if turned:
             state.drill.turned[known] = turned
         state.drill.heights[known] = heights, _word(statement), []
-    state.drill.heights[known][2].append(line)
+    state.drill.heights[known][2].append(state.line)
     state.cycle.set(state.at, known)
     state.drill.last = known
     if cycle.depth == 0.0:
-        state.faults.warn("APT142", "a drill cycle with depth 0: the tool only touches", line)
+        state.warn("APT142", "a drill cycle with depth 0: the tool only touches")
 
 
 def _word(statement: Statement) -> str:
@@ -279,24 +258,19 @@ def _word(statement: Statement) -> str:
     return f"CYCLE/{statement.upper[0]}" if statement.word == "CYCLE" else statement.word
 
 
-def _depth(state: AptState, found: Found, line: int, statement: Statement, signed: bool) -> float:
+def _depth(state: AptState, found: Found, signed: bool) -> float:
     """Return the depth in units of the file, positive into the part."""
     depth = found.get("depth", NAN)
     if isnan(depth):
-        raise state.faults.error("APT046", "a drill cycle without a depth", line, statement.text)
+        raise state.error("APT046", "a drill cycle without a depth")
     if signed and state.dialect.depth_rule is DepthRule.SIGNED:
         depth = -depth
     if depth < 0.0:
-        raise state.faults.error(
-            "APT047",
-            f"a drill cycle whose depth lies {-depth:g} above the hole",
-            line,
-            statement.text,
-        )
+        raise state.error("APT047", f"a drill cycle whose depth lies {-depth:g} above the hole")
     return depth + 0.0
 
 
-def _cycle(state: AptState, kind: CycleKind, depth: float, found: Found, line: int) -> Cycle:
+def _cycle(state: AptState, kind: CycleKind, depth: float, found: Found) -> Cycle:
     """Return the cycle [m, m/s, s] without its levels, from parameters in file units."""
     scale = state.scale
     peck = abs(found.get("peck", 0.0))
@@ -331,20 +305,14 @@ def _heights(state: AptState, depth: float, found: Found, signed: bool) -> Heigh
     return Heights(rule, depth * scale, clearance, clear, rapto, retract, back)
 
 
-def _levelled(
-    state: AptState, cycle: Cycle, heights: Heights, line: int, statement: Statement
-) -> Cycle:
+def _levelled(state: AptState, cycle: Cycle, heights: Heights) -> Cycle:
     """Return the cycle with levels that do not depend on where its holes lie."""
     feed, ends = heights.above(0.0)
     if isnan(feed):
-        state.faults.warn(
-            "APT141", "a drill cycle without RAPTO or CLEAR: its feed starts 2 mm above", line
-        )
+        state.warn("APT141", "a drill cycle without RAPTO or CLEAR: its feed starts 2 mm above")
         feed = DEFAULT_CLEARANCE
         ends = feed if isnan(ends) else ends
     proven = state.dialect.cycle_rule.proven or not heights.rule.safe
     if (feed < 0.0 or ends < 0.0) and proven:
-        raise state.faults.error(
-            "APT048", "a drill cycle whose heights lie below the hole", line, statement.text
-        )
+        raise state.error("APT048", "a drill cycle whose heights lie below the hole")
     return with_levels(cycle, feed, ends)

@@ -39,21 +39,21 @@ _REFUSED = {
 }  # fmt: skip
 
 
-def parameters(state: AptState, statement: Statement, line: int) -> Found:
+def parameters(state: AptState, statement: Statement) -> Found:
     """Return the parameters of CYCLE/type,... in the grammar of the dialect."""
     grammar = state.dialect.cycle_grammar
     words = statement.upper
     positional = len(words) > 1 and bounded(words[1]) is not None
     if grammar is CycleGrammar.CAMWORKS:
-        return _camworks(state, words, line, statement)
+        return _camworks(state, words)
     catia = grammar is CycleGrammar.CATIA or (
         grammar is CycleGrammar.UNKNOWN and is_catia_order(words)
     )
     if positional and (state.options.cycle_words is not None or catia):
-        return _named(state, words, line, statement)
+        return _named(state, words)
     if positional and grammar is not CycleGrammar.WORDS:
-        return _by_position(state, words, line, statement)
-    return _by_words(state, words, line, statement)
+        return _by_position(state, words)
+    return _by_words(state, words)
 
 
 def is_hsm_order(words: tuple[str, ...]) -> bool:
@@ -95,55 +95,52 @@ class _Tokens:
         return found
 
 
-def _by_words(state: AptState, words: tuple[str, ...], line: int, statement: Statement) -> Found:
+def _by_words(state: AptState, words: tuple[str, ...]) -> Found:
     """Return the parameters of minor words, each followed by its number."""
     found: Found = {}
     tokens = _Tokens(words[1:])
     while tokens:
         word = tokens.take()
         if bounded(word) is None:
-            _minor(state, found, word, tokens, line, statement)
+            _minor(state, found, word, tokens)
         else:
-            raise state.faults.error(
-                "APT044", f"drill cycle: {word[:20]!r} where a minor word was expected", line,
-                statement.text,
-            )  # fmt: skip
-    return _countersunk(state, found, words[0], line)
+            raise state.error(
+                "APT044", f"drill cycle: {word[:20]!r} where a minor word was expected"
+            )
+    return _countersunk(state, found, words[0])
 
 
-def _minor(
-    state: AptState, found: Found, word: str, tokens: _Tokens, line: int, statement: Statement
-) -> None:
+def _minor(state: AptState, found: Found, word: str, tokens: _Tokens) -> None:
     """Take one minor word with its number."""
     value = tokens.number()
     if word == "DWELL" and value is None and tokens.skip("REV"):
         value, word = tokens.number(), "DWELL,REV"
     if is_feed_unit(word) or word == "TPI":
         if value is None:
-            raise _no_number(state, word, line, statement)
-        _take_feed(state, found, word, value, line)
+            raise _no_number(state, word)
+        _take_feed(state, found, word, value)
         above = tokens.number()
         if above is not None:
             found["clear"] = above
     elif word in _FIELDS and value is not None:
-        _check_value(state, found.get(_FIELDS[word], value), word, value, line)
+        _check_value(state, found.get(_FIELDS[word], value), word, value)
         found[_FIELDS[word]] = value
-        _take_second(state, found, word, tokens, line, statement)
+        _take_second(state, found, word, tokens)
     elif word in _MODIFIERS or (word in {"DWELL", "RETURN", "ORIENT", "RTRCTO"} and value is None):
         tokens.skip("AUTO")
         tokens.skip("NONE")
     elif word in _FIELDS:
-        raise _no_number(state, word, line, statement)
+        raise _no_number(state, word)
     elif word in _HARMLESS:
-        state.uses.note(f"CYCLE/{word}", WordClass.PROCESS, line, "not needed for the stroke")
+        state.note(f"CYCLE/{word}", WordClass.PROCESS, "not needed for the stroke")
     else:
         reason = _REFUSED.get(word, "is not known; the cycle is read without it")
-        state.uses.refuse(f"CYCLE/{word[:20]}", WordClass.PROCESS, line, f"{word[:20]} {reason}")
+        state.refuse(f"CYCLE/{word[:20]}", WordClass.PROCESS, f"{word[:20]} {reason}")
         while tokens.number() is not None:
             pass
 
 
-def _check_value(state: AptState, before: float, word: str, value: float, line: int) -> None:
+def _check_value(state: AptState, before: float, word: str, value: float) -> None:
     """Ask a number back that contradicts the one ``before``, or that nothing can take."""
     reason = ""
     if value != before:
@@ -151,18 +148,14 @@ def _check_value(state: AptState, before: float, word: str, value: float, line: 
     elif _FIELDS[word].startswith("dwell") and value < 0.0:
         reason = f"a dwell of {value:g}; none is made"
     if reason:
-        state.uses.refuse(f"CYCLE/{word.partition(',')[0]}", WordClass.PROCESS, line, reason)
+        state.refuse(f"CYCLE/{word.partition(',')[0]}", WordClass.PROCESS, reason)
 
 
-def _no_number(state: AptState, word: str, line: int, statement: Statement) -> Exception:
-    return state.faults.error(
-        "APT043", f"{word} of a drill cycle has no number", line, statement.text
-    )
+def _no_number(state: AptState, word: str) -> Exception:
+    return state.error("APT043", f"{word} of a drill cycle has no number")
 
 
-def _take_second(
-    state: AptState, found: Found, word: str, tokens: _Tokens, line: int, statement: Statement
-) -> None:
+def _take_second(state: AptState, found: Found, word: str, tokens: _Tokens) -> None:
     """Take what may stand behind the number of a minor word: REV, or a second number."""
     if word == "DWELL" and tokens.skip("REV"):
         found["dwell_turns"] = found.pop("dwell")
@@ -172,37 +165,33 @@ def _take_second(
     if word in _SECOND:
         found[_SECOND[word]] = second
         return
-    state.uses.refuse(
-        f"CYCLE/{word}", WordClass.PROCESS, line,
-        f"a second number behind {word}, {second:g}, is not carried out",
-    )  # fmt: skip
+    reason = f"a second number behind {word}, {second:g}, is not carried out"
+    state.refuse(f"CYCLE/{word}", WordClass.PROCESS, reason)
 
 
-def _take_feed(state: AptState, found: Found, unit: str, value: float, line: int) -> None:
+def _take_feed(state: AptState, found: Found, unit: str, value: float) -> None:
     if unit == "TPI":
         found["pitch"] = value if value < 1.0 else 1.0 / value
         return
     if is_per_turn(unit):
         found["feed_per_turn"] = feed_per_turn(state, value, unit)
     else:
-        found["feed"] = feed_value(state, value, unit, line)
+        found["feed"] = feed_value(state, value, unit)
 
 
-def _countersunk(state: AptState, found: Found, first: str, line: int) -> Found:
+def _countersunk(state: AptState, found: Found, first: str) -> Found:
     """Turn diameter and included angle of a countersink into its depth."""
     angle = found.pop("angle", 0.0)
     if angle and first == "CSINK" and 0.0 < angle < 180.0:
         found["diameter"] = found["depth"]
         found["depth"] = 0.5 * found["depth"] / tan(0.5 * radians(angle))
     elif angle:
-        state.uses.refuse(
-            f"CYCLE/{first}", WordClass.PROCESS, line,
-            f"a second number behind the depth, {angle:g}, is not carried out",
-        )  # fmt: skip
+        reason = f"a second number behind the depth, {angle:g}, is not carried out"
+        state.refuse(f"CYCLE/{first}", WordClass.PROCESS, reason)
     return found
 
 
-def _by_position(state: AptState, words: tuple[str, ...], line: int, statement: Statement) -> Found:
+def _by_position(state: AptState, words: tuple[str, ...]) -> Found:
     """Return the parameters of HSM's and SURFCAM's order; minor words may stand between.
 
     HSM: depth[, INCR, i], unit, feed, clearance[, shift]. SURFCAM: depth, feed, unit, clearance.
@@ -218,29 +207,24 @@ def _by_position(state: AptState, words: tuple[str, ...], line: int, statement: 
         if is_feed_unit(word):
             continue
         if value is None:
-            _minor(state, found, word, tokens, line, statement)
+            _minor(state, found, word, tokens)
             continue
         if not names:
-            raise _meaning_unknown(state, word, line, statement)
+            raise _meaning_unknown(state, word)
         name = names.pop(0)
         if name == "feed":
-            _take_feed(state, found, unit, value, line)
+            _take_feed(state, found, unit, value)
         else:
             found[name] = value
     return found
 
 
-def _meaning_unknown(state: AptState, word: str, line: int, statement: Statement) -> Exception:
-    return state.faults.error(
-        "APT045",
-        f"drill cycle: the meaning of {word[:20]!r} is not known",
-        line,
-        statement.text,
-        "name the positions with --cycle-words",
-    )
+def _meaning_unknown(state: AptState, word: str) -> Exception:
+    text = f"drill cycle: the meaning of {word[:20]!r} is not known"
+    return state.error("APT045", text, "name the positions with --cycle-words")
 
 
-def _named(state: AptState, words: tuple[str, ...], line: int, statement: Statement) -> Found:
+def _named(state: AptState, words: tuple[str, ...]) -> Found:
     """Return the parameters of numbers that ``ReadOptions.cycle_words`` names in their order."""
     found: Found = {}
     names = list(state.options.cycle_numbers)
@@ -252,19 +236,19 @@ def _named(state: AptState, words: tuple[str, ...], line: int, statement: Statem
         if is_feed_unit(word):
             continue
         if value is None and state.options.cycle_words is not None and word in _FIELDS:
-            _minor(state, found, word, tokens, line, statement)
+            _minor(state, found, word, tokens)
             continue
         if value is None or not names:
-            raise _meaning_unknown(state, word, line, statement)
+            raise _meaning_unknown(state, word)
         name = names.pop(0)
         if name == "feed":
-            _take_feed(state, found, unit, value, line)
+            _take_feed(state, found, unit, value)
         elif name != "-":
             found[name] = value
     return found
 
 
-def _camworks(state: AptState, words: tuple[str, ...], line: int, statement: Statement) -> Found:
+def _camworks(state: AptState, words: tuple[str, ...]) -> Found:
     """Return the parameters of CAMWorks' order; the comma between two heights may be missing.
 
     G98, depth[, PECKING, first, next], MMPM, feed, rapid height, retract height, initial height,
@@ -283,7 +267,7 @@ def _camworks(state: AptState, words: tuple[str, ...], line: int, statement: Sta
         elif word in {"G98", "G99"}:
             low = word == "G99"
         else:
-            _camworks_word(state, found, word, tokens, line, statement)
+            _camworks_word(state, found, word, tokens)
     if bare:
         found["depth"] = bare[0]
     if heights:
@@ -293,18 +277,13 @@ def _camworks(state: AptState, words: tuple[str, ...], line: int, statement: Sta
     return found
 
 
-def _camworks_word(
-    state: AptState, found: Found, word: str, tokens: _Tokens, line: int, statement: Statement
-) -> None:
+def _camworks_word(state: AptState, found: Found, word: str, tokens: _Tokens) -> None:
     first = tokens.number()
     if word == "PECKING" and first is not None and (second := tokens.number()) is not None:
         found["peck_first"], found["peck"] = first, second
     elif is_feed_unit(word) and first is not None:
-        _take_feed(state, found, word, first, line)
+        _take_feed(state, found, word, first)
     elif word == "DWELL" and first is not None:
         found["dwell"] = first
     else:
-        raise state.faults.error(
-            "APT044", f"drill cycle: {word[:20]!r} where a minor word was expected", line,
-            statement.text,
-        )  # fmt: skip
+        raise state.error("APT044", f"drill cycle: {word[:20]!r} where a minor word was expected")

@@ -48,7 +48,7 @@ def is_per_turn(word: str) -> bool:
     return _OF_THE_FILE.get(word, _stated(word, Dimension.ADVANCE) is not None)
 
 
-def feed_statement(state: AptState, statement: Statement, line: int) -> None:
+def feed_statement(state: AptState, statement: Statement) -> None:
     """Handle FEDRAT/: a number and perhaps a unit, in either order."""
     settle_turn_feed(state)
     known = state.feed_memo.get(statement.text)
@@ -56,22 +56,18 @@ def feed_statement(state: AptState, statement: Statement, line: int) -> None:
         state.feed.set(state.at, known)
         state.revolution_feed = None
         return
-    value, unit = _feed_words(state, statement, line)
+    value, unit = _feed_words(state, statement)
     if "INVERS" in statement.upper:
         return
     if value is None:
-        raise state.faults.error(
-            "APT050", "FEDRAT has no number", line, statement.text, _last_feed(state)
-        )
+        raise state.error("APT050", "FEDRAT has no number", _last_feed(state))
     if value <= 0.0:
-        raise state.faults.error(
-            "APT052", "FEDRAT must be above zero", line, statement.text, _last_feed(state)
-        )
+        raise state.error("APT052", "FEDRAT must be above zero", _last_feed(state))
     if is_per_turn(unit) and isnan(state.spindle):
         state.set_feed(float("nan"))
-        state.waiting_feed = (state.done + state.at, unit, line)
+        state.waiting_feed = (state.done + state.at, unit, state.line)
     else:
-        state.set_feed(feed_value(state, value, unit, line))
+        state.set_feed(feed_value(state, value, unit))
     state.revolution_feed = None
     if is_per_turn(unit):
         state.revolution_feed = value * _turn_length(state, unit)
@@ -91,13 +87,11 @@ def settle_turn_feed(state: AptState) -> None:
 
 def _refuse_turn_feed(state: AptState, unit: str, line: int) -> None:
     state.faults.warn("APT150", "a feed per turn without a spindle speed", line)
-    state.uses.refuse(
-        "FEDRAT", WordClass.PROCESS, line,
-        f"{unit} is a feed per turn, and no spindle speed is known here",
-    )  # fmt: skip
+    reason = f"{unit} is a feed per turn, and no spindle speed is known here"
+    state.uses.refuse("FEDRAT", WordClass.PROCESS, line, reason)
 
 
-def _feed_words(state: AptState, statement: Statement, line: int) -> tuple[float | None, str]:
+def _feed_words(state: AptState, statement: Statement) -> tuple[float | None, str]:
     """Return the number and the unit of FEDRAT/."""
     value: float | None = None
     unit = "PERMIN"
@@ -108,12 +102,11 @@ def _feed_words(state: AptState, statement: Statement, line: int) -> tuple[float
         elif is_feed_unit(word):
             unit = word
         elif word in _FEED_REFUSED:
-            state.uses.refuse(f"FEDRAT/{word}", WordClass.PROCESS, line, _FEED_REFUSED[word])
+            state.refuse(f"FEDRAT/{word}", WordClass.PROCESS, _FEED_REFUSED[word])
         elif word and not _goes_with(statement.upper, number):
-            raise state.faults.error(
-                "APT051", f"FEDRAT has {word[:20]!r}, expected a number and a unit such as MMPM",
-                line, statement.text,
-            )  # fmt: skip
+            raise state.error(
+                "APT051", f"FEDRAT has {word[:20]!r}, expected a number and a unit such as MMPM"
+            )
     return value, unit
 
 
@@ -122,15 +115,15 @@ def _goes_with(words: tuple[str, ...], number: float | None) -> bool:
     return "INVERS" in words or (number is not None and "MAXIPM" in words)
 
 
-def feed_value(state: AptState, value: float, unit: str, line: int) -> float:
+def feed_value(state: AptState, value: float, unit: str) -> float:
     """Return a feed [m/s]; NaN if it is per turn and no spindle speed is known."""
     if is_per_turn(unit):
         if isnan(state.spindle):
-            _refuse_turn_feed(state, unit, line)
+            _refuse_turn_feed(state, unit, state.line)
         return value * _turn_length(state, unit) * state.spindle
     stated = _stated(unit, Dimension.SPEED)
     if stated is not None:
-        return value * (_contradicted(state, unit, line) or stated.factor)
+        return value * (_contradicted(state, unit) or stated.factor)
     return value * state.scale / SINGLE["min"].factor
 
 
@@ -146,45 +139,43 @@ def _contradicts(state: AptState, word: str) -> bool:
     return usual and unit is not None and unit.imperial != (state.units == "inch")
 
 
-def _contradicted(state: AptState, unit: str, line: int) -> float | None:
+def _contradicted(state: AptState, unit: str) -> float | None:
     """Return the factor that the user names where the feed's unit contradicts UNITS, else None."""
     if not _contradicts(state, unit):
         return None
-    state.faults.warn("APT151", f"feeds in {unit} in a file in {state.units}", line)
+    state.warn("APT151", f"feeds in {unit} in a file in {state.units}")
     chosen = state.options.feed_units
     if chosen is not None:
         return INCH_PER_MIN if chosen == "inch" else MM_PER_MIN
-    state.uses.refuse(
-        "FEDRAT", WordClass.PROCESS, line,
+    reason = (
         f"the feed is in {unit}, but the file is in {state.units}; one of the two is wrong, and "
-        "the feed by a factor of 25.4", "--feed-units mm or --feed-units inch",
-    )  # fmt: skip
+        "the feed by a factor of 25.4"
+    )
+    state.refuse("FEDRAT", WordClass.PROCESS, reason, "--feed-units mm or --feed-units inch")
     return None
 
 
-def spindle_statement(state: AptState, statement: Statement, line: int) -> None:
+def spindle_statement(state: AptState, statement: Statement) -> None:
     """Handle SPINDL/: speed, unit and direction in any order, ON, OFF or 0, or nothing else."""
     words = statement.upper
-    value = None if "OFF" in words else _speed(state, words, line)
+    value = None if "OFF" in words else _speed(state, words)
     if "OFF" in words or value == 0.0:
-        state.add_event(EventKind.SPINDLE_OFF, line)
+        state.add_event(EventKind.SPINDLE_OFF)
         return
     if value is not None:
-        state.spindle = abs(_turns_per_second(state, words, value, line))
+        state.spindle = abs(_turns_per_second(state, words, value))
     elif {"ORIENT", "LOCK"} & set(words):
         return
     if {"CCLW", "CCW"} & set(words) and value is not None and value < 0.0:
-        state.uses.refuse(
-            "SPINDL/CCLW", WordClass.PROCESS, line,
-            "a negative speed and counterclockwise: nothing says whether that is clockwise",
-        )  # fmt: skip
+        reason = "a negative speed and counterclockwise: nothing says whether that is clockwise"
+        state.refuse("SPINDL/CCLW", WordClass.PROCESS, reason)
     _turn(state, words, value)
     if not isnan(state.spindle):
         settle_turn_feed(state)
     if state.revolution_feed is not None:
         state.set_feed(state.revolution_feed * state.spindle)
     known = 0.0 if isnan(state.spindle) else state.spindle
-    state.add_event(EventKind.SPINDLE_ON, line, state.spindle_sign * known, ",".join(words))
+    state.add_event(EventKind.SPINDLE_ON, state.spindle_sign * known, ",".join(words))
 
 
 def _turn(state: AptState, words: tuple[str, ...], value: float | None) -> None:
@@ -196,7 +187,7 @@ def _turn(state: AptState, words: tuple[str, ...], value: float | None) -> None:
         state.spindle_sign, state.spindle_signed = named or 1.0, False
 
 
-def _speed(state: AptState, words: tuple[str, ...], line: int) -> float | None:
+def _speed(state: AptState, words: tuple[str, ...]) -> float | None:
     """Return the number of a SPINDL that is a speed, None if there is none."""
     found = None
     for before, word in zip(("", *words), words, strict=False):
@@ -205,26 +196,22 @@ def _speed(state: AptState, words: tuple[str, ...], line: int) -> float | None:
             found = number
         elif number is not None and before not in _NO_SPEED:
             reason = f"{word} is a second speed behind {found:g}; it is not carried out"
-            state.uses.refuse("SPINDL", WordClass.PROCESS, line, reason)
+            state.refuse("SPINDL", WordClass.PROCESS, reason)
         elif word in _SPINDLE_REFUSED:
-            state.uses.refuse(f"SPINDL/{word}", WordClass.PROCESS, line, _SPINDLE_REFUSED[word])
+            state.refuse(f"SPINDL/{word}", WordClass.PROCESS, _SPINDLE_REFUSED[word])
         elif word in _SPINDLE_NOTED:
-            state.uses.note(
-                f"SPINDL/{word}", WordClass.PROCESS, line, "a gear or range of the target machine"
-            )
+            state.note(f"SPINDL/{word}", WordClass.PROCESS, "a gear or range of the target machine")
     return found
 
 
-def _turns_per_second(state: AptState, words: tuple[str, ...], value: float, line: int) -> float:
+def _turns_per_second(state: AptState, words: tuple[str, ...], value: float) -> float:
     unit = next((word for word in words if word in _SURFACE_SPEEDS), "")
     speed = unit_named(unit)
     if speed is None:
         return value * RPM
     diameter = state.tools.diameter
     if isnan(diameter) or diameter <= 0.0:
-        state.faults.warn(
-            "APT152", f"SPINDL in {unit} without a tool diameter: speed unknown", line
-        )
+        state.warn("APT152", f"SPINDL in {unit} without a tool diameter: speed unknown")
         return float("nan")
     return value * speed.factor / (pi * diameter)
 

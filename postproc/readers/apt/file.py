@@ -204,11 +204,8 @@ def _arcs(state: AptState, table: _Tags, records: ArcRecords) -> Arcs:
     if state.dialect.arc_sense in (ArcSense.WORD, ArcSense.OPEN):
         against = tangency(arcs, starts, ends, *cuts).sum(axis=1) == -2
         for row in np.flatnonzero(against).tolist():
-            state.faults.warn(
-                "APT132",
-                "the sense of an arc is against the straight cuts at both of its ends",
-                int(records.line[row]),
-            )
+            text = "the sense of an arc is against the straight cuts at both of its ends"
+            state.faults.warn("APT132", text, int(records.line[row]))
     return arcs
 
 
@@ -285,12 +282,8 @@ def read_file(path: str, options: ReadOptions) -> ToolPath:
     last_open = max(last_motion, state.last_open)
     if last_open > state.last_end:
         ends = " or ".join(sorted(state.dialect.ends))
-        faults.fix(
-            "APT009",
-            f"the file ends without {ends}, it may be cut off",
-            "it is taken as complete",
-            last_open,
-        )
+        text = f"the file ends without {ends}, it may be cut off"
+        faults.fix("APT009", text, "it is taken as complete", last_open)
     return finished_toolpath(state, path)
 
 
@@ -308,11 +301,8 @@ def _read_block(block: TextBlock, state: AptState, motion_reader: MotionReader) 
     for (index, statement), at in zip(
         scanned.others, np.searchsorted(motions.lines, lines).tolist(), strict=True
     ):
-        state.at = at
-        if statement.word == COMMENT:
-            comment(state, statement.text, scanned.line(index))
-        else:
-            handle(state, statement, scanned.line(index))
+        state.at, state.line, state.text = at, scanned.line(index), statement.text
+        (comment if statement.word == COMMENT else handle)(state, statement)
     state.close_block(motions, block.first_line)
     _count_words(state, scanned)
     return _last_motion(motions, block)
@@ -359,9 +349,5 @@ def _units_of(data: bytes, dialect: Dialect, options: ReadOptions, faults: Fault
         name = dialect.implied_units
         faults.warn("APT110", f"no UNITS record: read in {name}, as {dialect.name} does", 1)
         return name
-    raise faults.error(
-        "APT010",
-        "no unit of length: neither a UNITS record nor a feed unit",
-        1,
-        hint="give it with --units mm or --units inch",
-    )
+    message = "no unit of length: neither a UNITS record nor a feed unit"
+    raise faults.error("APT010", message, 1, hint="give it with --units mm or --units inch")

@@ -20,63 +20,66 @@ _RADIAN_DIGITS = 0.51e-6
 """Rounding of an angle that is written with six decimals [rad]."""
 
 
-def msys_statement(state: AptState, statement: Statement, line: int) -> None:
+def msys_statement(state: AptState, statement: Statement) -> None:
     """Handle MSYS/: origin, x axis, y axis of the points' system in the part (NX)."""
-    numbers = _all_numbers(state, statement, line, _FRAME_NUMBERS)
+    numbers = _all_numbers(state, statement, _FRAME_NUMBERS)
     x, y = np.array(numbers[3:6]), np.array(numbers[6:9])
-    R = rotation(np.column_stack([x, y, np.cross(x, y)]), state.faults, line, statement.text)
+    R = rotation(np.column_stack([x, y, np.cross(x, y)]), state.faults, state.line, statement.text)
     origin = np.array(numbers[:3]) * state.scale
     state.set_frame(R, origin)
-    state.setups.place("MSYS", line, R, origin, carried=True)
+    state.setups.place("MSYS", state.line, R, origin, carried=True)
 
 
-def origin_statement(state: AptState, statement: Statement, line: int) -> None:
+def origin_statement(state: AptState, statement: Statement) -> None:
     """Handle ORIGIN/: origin, and perhaps x axis and z axis, in the part (CATIA).
 
     Other systems subtract it, or only say where their work origin lies: there it is refused unless
     it is zero.
     """
     count = 3 if len(statement.args) == 3 else _FRAME_NUMBERS
-    numbers = _all_numbers(state, statement, line, count)
+    numbers = _all_numbers(state, statement, count)
     R = np.eye(3)
     if count > 3:
         x, z = np.array(numbers[3:6]), np.array(numbers[6:9])
-        R = rotation(np.column_stack([x, np.cross(z, x), z]), state.faults, line, statement.text)
+        R = rotation(
+            np.column_stack([x, np.cross(z, x), z]), state.faults, state.line, statement.text
+        )
     if not any(numbers[:3]) and np.array_equal(R, np.eye(3)):
-        state.uses.note("ORIGIN", WordClass.COORDINATES, line, "the origin is that of the points")
+        state.note("ORIGIN", WordClass.COORDINATES, "the origin is that of the points")
     elif not state.dialect.origin_moves:
-        state.uses.refuse(
-            "ORIGIN", WordClass.COORDINATES, line,
+        state.refuse(
+            "ORIGIN",
+            WordClass.COORDINATES,
             "CATIA adds it to the points, PostWorks subtracts it, HSMWorks only names it; the "
-            "points are taken as they stand", "--dialect catia if the points are to be moved by it",
-        )  # fmt: skip
+            "points are taken as they stand",
+            "--dialect catia if the points are to be moved by it",
+        )
         return
     origin = np.array(numbers[:3]) * state.scale
     state.set_frame(R, origin)
-    state.setups.place("ORIGIN", line, R, origin, carried=True)
+    state.setups.place("ORIGIN", state.line, R, origin, carried=True)
 
 
-def mcsys_statement(state: AptState, statement: Statement, line: int) -> None:
+def mcsys_statement(state: AptState, statement: Statement) -> None:
     """Handle MCSYS/NUM,n,POINT,x,y,z,VECTOR,x axis,VECTOR,y axis (MfgSuite): a named setup."""
     words = [word for word in statement.upper if word not in {"NUM", "POINT", "VECTOR"}]
-    numbers = _all_numbers(state, Statement("MCSYS", tuple(words), statement.text), line, 10)
+    numbers = _all_numbers(state, Statement("MCSYS", tuple(words), statement.text), 10)
     x, y = np.array(numbers[4:7]), np.array(numbers[7:10])
-    _name_setup(state, "MCSYS", f"{numbers[0]:g}", line, x, y, numbers[1:4])
+    _name_setup(state, "MCSYS", f"{numbers[0]:g}", x, y, numbers[1:4])
 
 
-def mcs_statement(state: AptState, statement: Statement, line: int) -> None:
+def mcs_statement(state: AptState, statement: Statement) -> None:
     """Handle MCS/x axis, y axis, z axis, origin (CAMplete, MANUSnc), and MCS2/ without origin."""
     count = _MATRIX_NUMBERS if statement.word == "MCS" else _FRAME_NUMBERS
-    numbers = _all_numbers(state, statement, line, count)
+    numbers = _all_numbers(state, statement, count)
     x, y = np.array(numbers[:3]), np.array(numbers[3:6])
-    _name_setup(state, statement.word, statement.word, line, x, y, numbers[9:] or [0.0] * 3)
+    _name_setup(state, statement.word, statement.word, x, y, numbers[9:] or [0.0] * 3)
 
 
 def _name_setup(
     state: AptState,
     word: str,
     name: str,
-    line: int,
     x: FloatArray,
     y: FloatArray,
     origin: list[float],
@@ -86,50 +89,46 @@ def _name_setup(
     Whether they are already in its coordinates no file has shown, so it is refused unless it is
     the identity.
     """
-    R = rotation(np.column_stack([x, y, np.cross(x, y)]), state.faults, line)
+    R = rotation(np.column_stack([x, y, np.cross(x, y)]), state.faults, state.line)
     matrix = np.column_stack([R, np.array(origin) * state.scale])
     rows = tuple(tuple((row + 0.0).tolist()) for row in matrix)
-    setup = CamSetup(name, line, rows, aliases=(f"{word}_{name}",) if name != word else ())
+    setup = CamSetup(name, state.line, rows, aliases=(f"{word}_{name}",) if name != word else ())
     state.setups.call(setup)
     if not setup.is_identity:
-        state.uses.refuse(
-            word, WordClass.COORDINATES, line,
+        reason = (
             f"setup {name} lies elsewhere than the part's coordinates, and nothing says in which "
-            "of the two the points are; they are taken as written",
-        )  # fmt: skip
+            "of the two the points are; they are taken as written"
+        )
+        state.refuse(word, WordClass.COORDINATES, reason)
 
 
-def zero_statement(state: AptState, statement: Statement, line: int) -> None:
+def zero_statement(state: AptState, statement: Statement) -> None:
     """Handle ZERO/n (MANUSnc): the number of a work offset; one alone is the part's own."""
-    (number,) = _all_numbers(state, statement, line, 1)
+    (number,) = _all_numbers(state, statement, 1)
     name = f"{number:g}"
     offsets = {setup.name for setup in state.setups.setups if setup.matrix is None}
-    state.setups.call(CamSetup(name, line, aliases=(f"ZERO_{name}",)))
+    state.setups.call(CamSetup(name, state.line, aliases=(f"ZERO_{name}",)))
     if offsets - {name}:
-        state.uses.refuse(
-            "ZERO", WordClass.COORDINATES, line,
-            f"another work offset, {name}, whose place the file does not give",
-        )  # fmt: skip
+        reason = f"another work offset, {name}, whose place the file does not give"
+        state.refuse("ZERO", WordClass.COORDINATES, reason)
 
 
-def csys_statement(state: AptState, statement: Statement, line: int) -> None:
+def csys_statement(state: AptState, statement: Statement) -> None:
     """Handle CSYS/: 12 numbers by rows; the points do not move, column 3 is the tool axis."""
-    numbers = _all_numbers(state, statement, line, _MATRIX_NUMBERS)
+    numbers = _all_numbers(state, statement, _MATRIX_NUMBERS)
     matrix = np.array(numbers).reshape(3, ROW)
-    R = rotation(matrix[:, :3], state.faults, line, statement.text)
-    state.setups.place("CSYS", line, R, matrix[:, 3] * state.scale, carried=False)
+    R = rotation(matrix[:, :3], state.faults, state.line, statement.text)
+    state.setups.place("CSYS", state.line, R, matrix[:, 3] * state.scale, carried=False)
     if state.dialect.axis_rule is AxisRule.SETUP:
         state.set_axis(*R[:, 2].tolist())
     elif not np.allclose(matrix, np.eye(3, ROW), atol=1e-9):
-        state.faults.warn(
-            "APT160", "a CSYS that is not the identity: the points are taken as written", line
-        )
+        state.warn("APT160", "a CSYS that is not the identity: the points are taken as written")
 
 
-def tool_axis_statement(state: AptState, statement: Statement, line: int) -> None:
+def tool_axis_statement(state: AptState, statement: Statement) -> None:
     """Handle TLAXIS/: the tool axis of the points that follow, in their own system."""
-    numbers = _all_numbers(state, statement, line, 3)
-    i, j, k = unit_axis(state, numbers, line)
+    numbers = _all_numbers(state, statement, 3)
+    i, j, k = unit_axis(state, numbers)
     if state.dialect.setup_plane:
         state.table.tilt_axis = np.array([i, j, k])
         untilt(state)
@@ -137,7 +136,7 @@ def tool_axis_statement(state: AptState, statement: Statement, line: int) -> Non
         state.set_axis(i, j, k)
 
 
-def unit_axis(state: AptState, numbers: list[float], line: int) -> tuple[float, float, float]:
+def unit_axis(state: AptState, numbers: list[float]) -> tuple[float, float, float]:
     """Return a tool axis of length one.
 
     Raises:
@@ -145,19 +144,15 @@ def unit_axis(state: AptState, numbers: list[float], line: int) -> tuple[float, 
     """
     length = float(np.linalg.norm(numbers))
     if length < AXIS_NORM_GAP:
-        raise state.faults.error("APT026", "the tool axis is a zero vector", line)
+        raise state.faults.error("APT026", "the tool axis is a zero vector", state.line)
     if abs(length - 1.0) > AXIS_NORM_GAP:
-        state.faults.fix(
-            "APT027",
-            f"the tool axis has length {length:.4f}, expected 1",
-            "its direction is taken",
-            line,
-        )
+        text = f"the tool axis has length {length:.4f}, expected 1"
+        state.faults.fix("APT027", text, "its direction is taken", state.line)
     i, j, k = (value / length for value in numbers)
     return i, j, k
 
 
-def table_statement(state: AptState, statement: Statement, line: int) -> None:
+def table_statement(state: AptState, statement: Statement) -> None:
     """Handle ROTABL/angle,AAXIS,TABLE,CCLW: radians that tilt the setup plane (CAMWorks).
 
     Raises:
@@ -169,11 +164,9 @@ def table_statement(state: AptState, statement: Statement, line: int) -> None:
         words[1] if len(words) > 1 else ""
     )
     if angle is None or turn is None:
-        raise state.faults.error(
-            "APT060", "ROTABL needs an angle and AAXIS, BAXIS or CAXIS", line, statement.text
-        )
+        raise state.error("APT060", "ROTABL needs an angle and AAXIS, BAXIS or CAXIS")
     sign = -1.0 if "CLW" in words[2:] else 1.0
-    state.table.rotate(turn(sign * _unrounded(angle)), line)
+    state.table.rotate(turn(sign * _unrounded(angle)), state.line)
     state.set_frame(state.table.R, np.zeros(3))
 
 
@@ -189,10 +182,8 @@ def _unrounded(angle: float) -> float:
     return round_angle if abs(angle - round_angle) <= _RADIAN_DIGITS else angle
 
 
-def _all_numbers(state: AptState, statement: Statement, line: int, count: int) -> list[float]:
+def _all_numbers(state: AptState, statement: Statement, count: int) -> list[float]:
     numbers = [value for value in statement.numbers() if value is not None]
     if len(numbers) != count or len(statement.args) != count:
-        raise state.faults.error(
-            "APT062", f"{statement.word} needs {count} numbers", line, statement.text
-        )
+        raise state.error("APT062", f"{statement.word} needs {count} numbers")
     return numbers

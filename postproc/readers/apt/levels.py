@@ -150,10 +150,8 @@ def _refuse_unknown(state: AptState, number: int, said: ByTurns) -> None:
     lines = state.drill.heights[number][2]
     for line in lines:
         if not (isnan(said.feed) and isnan(said.pitch)) and isnan(state.cycles[number].feed):
-            state.uses.refuse(
-                "FEDRAT", WordClass.PROCESS, line,
-                "the cycle has a feed per turn, and no spindle speed is known at its holes",
-            )  # fmt: skip
+            reason = "the cycle has a feed per turn, and no spindle speed is known at its holes"
+            state.uses.refuse("FEDRAT", WordClass.PROCESS, line, reason)
         if not isnan(said.dwell):
             state.uses.refuse(
                 "CYCLE/DWELL", WordClass.PROCESS, line, "a dwell in turns without a spindle speed"
@@ -193,16 +191,12 @@ def check_standing(
 def _refuse_cut(state: AptState, part: Stretch, starts: Sequence[Event], cut: int) -> None:
     if part.event is None:
         where = starts[0].line if starts else cut
-        state.uses.refuse(
-            "SPINDL", WordClass.PROCESS, where,
-            f"the spindle is started only here, a cut comes before it in line {cut}",
-        )  # fmt: skip
+        text = f"the spindle is started only here, a cut comes before it in line {cut}"
+        state.uses.refuse("SPINDL", WordClass.PROCESS, where, text)
         return
     hint = _SWAPPED if state.dialect.name == "fusion" else ""
-    state.uses.refuse(
-        "SPINDL/OFF", WordClass.PROCESS, part.event.line,
-        f"a cut follows in line {cut}, and the spindle stands", hint,
-    )  # fmt: skip
+    reason = f"a cut follows in line {cut}, and the spindle stands"
+    state.uses.refuse("SPINDL/OFF", WordClass.PROCESS, part.event.line, reason, hint)
 
 
 def check_resumed(state: AptState, table: HoleTable) -> None:

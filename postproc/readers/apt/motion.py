@@ -13,7 +13,7 @@ from postproc.readers.apt.arctext import NAN, WrittenArc, numbers_of
 from postproc.readers.apt.dialect import ArcSense, Dialect, EighthField
 from postproc.readers.apt.statement import CIRCLE, GOTO, RAPID, SKIP, Scan, Statement, bounded
 from postproc.readers.text import Faults
-from postproc.readers.uses import WordUses
+from postproc.readers.uses import AtLine, WordUses
 from postproc.records import dataclass
 
 _POINT, _POINT_AXIS = 3, 6
@@ -68,13 +68,12 @@ class Motions:
     crossed: dict[int, WrittenArc] = field(default_factory=dict)
 
 
-class MotionReader:
+class MotionReader(AtLine):
     """Turns scanned blocks into motions; carries RAPID, tangents and arcs over block borders."""
 
     def __init__(self, dialect: Dialect, faults: Faults, uses: WordUses) -> None:
+        super().__init__(faults, uses)
         self._dialect = dialect
-        self._faults = faults
-        self._uses = uses
         self._rapid = self._cycled = False
         """Whether a RAPID waits for a point of a later block, and a CYCLE comes after it."""
         self._tangent: list[float] | None = None
@@ -124,7 +123,7 @@ class MotionReader:
             ReadError: APT030 for an arc without an end point.
         """
         if self._pending is not None:
-            raise self._faults.error(
+            raise self.faults.error(
                 "APT030", "an arc has no end point: no GOTO follows", int(self._pending.line[0])
             )
 
@@ -135,12 +134,12 @@ class MotionReader:
             self._feeds.append(index)
         elif word.startswith("CYCLE"):
             self._cycles.append(index)
-        line = self._scan.line(index)
+        self.line, self.text = self._scan.line(index), statement.text
         if word.startswith("TLON"):
-            self._tool_on(index, statement, line)
+            self._tool_on(index, statement)
             return True
         if word in {"CIRCLE", "ARC", "MOVARC"}:
-            self._arc(index, statement, line)
+            self._arc(index, statement)
             return True
         handler = {
             "GOTO": self._goto, "RAPID": self._set_rapid, "GODLTA": self._increment,
@@ -148,35 +147,29 @@ class MotionReader:
             "ARCSLP": self._slope, "CLEARP": self._clearance_plane,
             "CLRSRF": self._clearance_plane, "RETRCT": self._retract,
         }.get(word)  # fmt: skip
-        return handler is not None and handler(index, statement, line)
+        return handler is not None and handler(index, statement)
 
-    def _values(self, statement: Statement, line: int) -> list[float]:
-        return numbers_of(
-            statement, statement.args, self._faults, line, self._dialect.blank_separates
-        )
+    def _values(self, statement: Statement) -> list[float]:
+        return numbers_of(self, statement, statement.args, self._dialect.blank_separates)
 
-    def _set_rapid(self, index: int, statement: Statement, line: int) -> bool:
+    def _set_rapid(self, index: int, statement: Statement) -> bool:
         """RAPID: for the next motion only; what stands behind a slash has no meaning there."""
         self._scan.code[index] = SKIP if statement.upper[:1] == ("OFF",) else RAPID
         if any(statement.args):
             text = ",".join(statement.upper)[:20]
             why = f"RAPID holds for the next motion only; {text} behind it is not carried out"
-            self._uses.refuse("RAPID", WordClass.GEOMETRY, line, why)
+            self.refuse("RAPID", WordClass.GEOMETRY, why)
         return True
 
-    def _skip(self, index: int, statement: Statement, line: int) -> bool:
+    def _skip(self, index: int, statement: Statement) -> bool:
         self._scan.code[index] = SKIP
         return True
 
-    def _goto(self, index: int, statement: Statement, line: int) -> bool:
-        values = self._values(statement, line)
+    def _goto(self, index: int, statement: Statement) -> bool:
+        values = self._values(statement)
         if len(values) not in (_POINT, _POINT_AXIS):
-            raise self._faults.error(
-                "APT023",
-                f"GOTO has {len(values)} numbers, expected 3 (point) or 6 (point and tool axis)",
-                line,
-                statement.text,
-            )
+            text = f"GOTO has {len(values)} numbers, expected 3 (point) or 6 (point and tool axis)"
+            raise self.error("APT023", text)
         self._place(index, values)
         return True
 
@@ -184,50 +177,38 @@ class MotionReader:
         self._points[index] = values + [NAN] * (6 - len(values))
         self._scan.code[index] = GOTO
 
-    def _increment(self, index: int, statement: Statement, line: int) -> bool:
-        values = self._values(statement, line)
+    def _increment(self, index: int, statement: Statement) -> bool:
+        values = self._values(statement)
         if len(values) not in (1, _POINT, _POINT_AXIS):
-            raise self._faults.error(
-                "APT023",
-                f"GODLTA has {len(values)} numbers, expected 3 (increments) or 6 (and tool axis)",
-                line,
-                statement.text,
-            )
+            text = f"GODLTA has {len(values)} numbers, expected 3 (increments) or 6 (and tool axis)"
+            raise self.error("APT023", text)
         if len(values) == 1:
-            self._uses.refuse(
-                "GODLTA", WordClass.GEOMETRY, line,
-                "one number alone has no settled meaning; read as a way along the tool axis",
-            )  # fmt: skip
+            reason = "one number alone has no settled meaning; read as a way along the tool axis"
+            self.refuse("GODLTA", WordClass.GEOMETRY, reason)
             values = [NAN, NAN, values[0]]
         self._place(index, values)
         self._relative.add(index)
         return True
 
-    def _direction(self, index: int, statement: Statement, line: int) -> bool:
+    def _direction(self, index: int, statement: Statement) -> bool:
         """INDIRV/i,j,k: a direction; INDIRP/x,y,z: a point in that direction."""
-        values = self._values(statement, line)
+        values = self._values(statement)
         vector = statement.word == "INDIRV"
         if len(values) != _POINT or (vector and not any(values)):
-            raise self._faults.error(
-                "APT024",
-                f"{statement.word} needs a {'direction' if vector else 'point'} of 3 numbers",
-                line,
-                statement.text,
-            )
+            text = f"{statement.word} needs a {'direction' if vector else 'point'} of 3 numbers"
+            raise self.error("APT024", text)
         self._tangent, self._towards = (values, None) if vector else (None, values)
-        return self._skip(index, statement, line)
+        return self._skip(index, statement)
 
-    def _slope(self, index: int, statement: Statement, line: int) -> bool:
+    def _slope(self, index: int, statement: Statement) -> bool:
         """ARCSLP/dz: the arc that follows is a helix and ends so much higher or lower."""
-        values = self._values(statement, line)
+        values = self._values(statement)
         if len(values) != 1:
-            raise self._faults.error(
-                "APT086", "ARCSLP needs one number, the rise", line, statement.text
-            )
+            raise self.error("APT086", "ARCSLP needs one number, the rise")
         self._slopes[index] = values[0]
-        return self._skip(index, statement, line)
+        return self._skip(index, statement)
 
-    def _clearance_plane(self, index: int, statement: Statement, line: int) -> bool:
+    def _clearance_plane(self, index: int, statement: Statement) -> bool:
         """CLEARP/XYPLAN,z and CLRSRF/z or /i,j,k,d: the plane that RETRCT lifts to."""
         words = [word for word in statement.upper if word != "NORMAL"]
         normal = _NORMALS.get(words[0] if words else "")
@@ -239,42 +220,40 @@ class MotionReader:
         elif len(numbers) == len(values) == 4 and normal is None:
             self._clearance = numbers
         else:
-            self._uses.refuse(
-                statement.word, WordClass.GEOMETRY, line, "a clearance plane that is not understood"
+            self.refuse(
+                statement.word, WordClass.GEOMETRY, "a clearance plane that is not understood"
             )
-        return self._skip(index, statement, line)
+        return self._skip(index, statement)
 
-    def _retract(self, index: int, statement: Statement, line: int) -> bool:
+    def _retract(self, index: int, statement: Statement) -> bool:
         """RETRCT: along the tool axis to the clearance plane, in rapid."""
         words = [word for word in statement.upper if word not in {"TO", "TOOL", ""}]
         if words or self._clearance is None:
             what = "the clearance plane is not known" if not words else f"{words[0]} is not done"
-            self._uses.refuse(
-                "RETRCT", WordClass.GEOMETRY, line, f"{what}; the tool stays where it is"
-            )
-            return self._skip(index, statement, line)
+            self.refuse("RETRCT", WordClass.GEOMETRY, f"{what}; the tool stays where it is")
+            return self._skip(index, statement)
         self._place(index, [NAN] * 3)
         self._lifted[index] = self._clearance
         return True
 
-    def _arc(self, index: int, statement: Statement, line: int) -> None:
+    def _arc(self, index: int, statement: Statement) -> None:
         """CIRCLE and MOVARC end at the next GOTO, ARC at its own end."""
         if statement.word == "MOVARC":
-            arc = arctext.movarc(statement, self._faults, line)
+            arc = arctext.movarc(self, statement)
         elif statement.word == "ARC":
-            arc = arctext.arc_with_end(statement, self._faults, line)
+            arc = arctext.arc_with_end(self, statement)
         else:
             blanks = self._dialect.blank_separates
-            arc = arctext.circle(statement, self._faults, line, blanks)
+            arc = arctext.circle(self, statement, blanks)
         self._arcs[index] = arc
         if arc.end is not None:
             self._place(index, arc.end)
         else:
             self._scan.code[index] = CIRCLE
 
-    def _tool_on(self, index: int, statement: Statement, line: int) -> None:
+    def _tool_on(self, index: int, statement: Statement) -> None:
         """TLON,GOFWD/(circle),ON,(what ends it): the arcs of CATIA and NCL."""
-        arc = arctext.tool_on(statement, self._tangent, self._towards, self._faults, line)
+        arc = arctext.tool_on(self, statement, self._tangent, self._towards)
         self._tangent = self._towards = None
         self._arcs[index] = arc
         self._place(index, arc.end or [NAN] * 3)
@@ -371,7 +350,7 @@ class MotionReader:
             arcs = MotionArcs.concat([self._pending, arcs])
         double = np.flatnonzero(np.diff(arcs.target) == 0)
         if len(double):
-            raise self._faults.error(
+            raise self.faults.error(
                 "APT035", "two arcs without a GOTO between them", int(arcs.line[double[0] + 1])
             )
         waits = arcs.target == len(motions.lines)

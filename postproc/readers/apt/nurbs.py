@@ -17,23 +17,25 @@ MOST_SEGMENTS = 100_000
 _HIGHEST_DEGREE = 9
 
 
-def open_spline(state: AptState, statement: Statement, line: int) -> None:
+def open_spline(state: AptState, statement: Statement) -> None:
     """Handle NURBS/: KNOT and CNTRL lines follow."""
     R, t = state.frames[int(state.frame.value)]
-    state.spline = SplineDraft(line, state.tag, R, t, state.feed.value, int(state.operation.value))
+    state.spline = SplineDraft(
+        state.line, state.tag, R, t, state.feed.value, int(state.operation.value)
+    )
 
 
-def knot_statement(state: AptState, statement: Statement, line: int) -> None:
+def knot_statement(state: AptState, statement: Statement) -> None:
     """Handle KNOT/: one or more knots."""
-    _draft(state, line).knots += _numbers(state, statement, line)
+    _draft(state).knots += _numbers(state, statement)
 
 
-def control_statement(state: AptState, statement: Statement, line: int) -> None:
+def control_statement(state: AptState, statement: Statement) -> None:
     """Handle CNTRL/x,y,z: one control point."""
-    numbers = _numbers(state, statement, line)
+    numbers = _numbers(state, statement)
     if len(numbers) != 3:
-        raise state.faults.error("APT081", "CNTRL needs 3 numbers", line, statement.text)
-    _draft(state, line).points.append(numbers)
+        raise state.error("APT081", "CNTRL needs 3 numbers")
+    _draft(state).points.append(numbers)
 
 
 def close_spline(state: AptState) -> None:
@@ -48,11 +50,8 @@ def close_spline(state: AptState) -> None:
     degree = len(draft.points) - len(draft.knots) + 1
     knots = np.array([0.0, *draft.knots])
     if not 1 <= degree <= _HIGHEST_DEGREE or (np.diff(knots) < 0.0).any() or knots[-1] <= 0.0:
-        raise state.faults.error(
-            "APT082",
-            f"{len(draft.knots)} knots and {len(draft.points)} control points make no NURBS",
-            draft.line,
-        )
+        text = f"{len(draft.knots)} knots and {len(draft.points)} control points make no NURBS"
+        raise state.faults.error("APT082", text, draft.line)
     points = np.array(draft.points) * state.scale @ draft.R.T + draft.t
     state.splines.append(
         SplineRecord(draft.tag, draft.line, tuple(draft.knots), points, draft.feed, draft.operation)
@@ -125,16 +124,14 @@ def _second_derivative(control: FloatArray, knots: FloatArray, degree: int) -> f
     return float(np.linalg.norm(points, axis=1).max(initial=0.0))
 
 
-def _draft(state: AptState, line: int) -> SplineDraft:
+def _draft(state: AptState) -> SplineDraft:
     if state.spline is None or state.spline.tag != state.tag:
-        raise state.faults.error("APT080", "KNOT or CNTRL without NURBS before it", line)
+        raise state.faults.error("APT080", "KNOT or CNTRL without NURBS before it", state.line)
     return state.spline
 
 
-def _numbers(state: AptState, statement: Statement, line: int) -> list[float]:
+def _numbers(state: AptState, statement: Statement) -> list[float]:
     numbers = [value for value in statement.numbers() if value is not None]
     if len(numbers) != len(statement.args) or not numbers:
-        raise state.faults.error(
-            "APT081", f"{statement.word} needs numbers only", line, statement.text
-        )
+        raise state.error("APT081", f"{statement.word} needs numbers only")
     return numbers

@@ -99,7 +99,7 @@ _REFUSED = {
 NOT_DONE = "is not carried out"
 
 
-def unhandled(state: AptState, statement: Statement, line: int) -> None:
+def unhandled(state: AptState, statement: Statement) -> None:
     """Take a statement that no handler knows.
 
     Raises:
@@ -108,23 +108,19 @@ def unhandled(state: AptState, statement: Statement, line: int) -> None:
     """
     word = statement.word
     if not word or word[0] in "+-.0123456789":
-        raise state.faults.error(
-            "APT003", "numbers without a word; is a $ missing on the line before?", line,
-            statement.text,
-        )  # fmt: skip
+        raise state.error("APT003", "numbers without a word; is a $ missing on the line before?")
     rule = WORDS.get(word)
     if rule is None:
-        _unknown(state, statement, line)
+        _unknown(state, statement)
     elif rule.action is Action.NOTE:
-        state.uses.note(word, rule.word_class, line, rule.reason)
+        state.note(word, rule.word_class, rule.reason)
     elif rule.action is not Action.KEEP:
-        refuse(state, statement, line, rule.word_class, rule.reason)
+        refuse(state, statement, rule.word_class, rule.reason)
 
 
 def refuse(
     state: AptState,
     statement: Statement,
-    line: int,
     word_class: WordClass,
     reason: str,
     minor: str = "",
@@ -140,30 +136,28 @@ def refuse(
         minor: the minor word that makes the form.
     """
     word = shortened(f"{statement.word}/{minor}" if minor else statement.word)
-    state.uses.refuse(word, word_class, line, reason)
-    keep_unknown(state, statement, line)
+    state.refuse(word, word_class, reason)
+    keep_unknown(state, statement)
 
 
-def keep_unknown(state: AptState, statement: Statement, line: int) -> None:
+def keep_unknown(state: AptState, statement: Statement) -> None:
     """Count a word that is not carried out, and keep its text as an event."""
     shown = shortened(statement.word)
     state.unknown[shown] = state.unknown.get(shown, 0) + 1
-    state.add_event(EventKind.UNKNOWN, line, 0.0, statement.text)
+    state.add_event(EventKind.UNKNOWN, 0.0, statement.text)
 
 
-def _unknown(state: AptState, statement: Statement, line: int) -> None:
+def _unknown(state: AptState, statement: Statement) -> None:
     """Refuse a word that is in no table."""
     first = statement.word.split(" ")[0].split(",")[0]
     ends = state.dialect.ends
     slip = first in _SLASHED or any(_is_near(first, end) for end in ends)
     near = next((known for known in (*sorted(ends), *WORDS) if _is_near(first, known)), None)
     if slip:
-        raise state.faults.error(
-            "APT005", f"{statement.word[:30]!r} is not a word; is it {near}?", line, statement.text
-        )
+        raise state.error("APT005", f"{statement.word[:30]!r} is not a word; is it {near}?")
     reason = "is in no table of words" + (f"; is it {near}?" if near else "")
-    state.uses.refuse(shortened(first), WordClass.UNKNOWN, line, reason)
-    keep_unknown(state, statement, line)
+    state.refuse(shortened(first), WordClass.UNKNOWN, reason)
+    keep_unknown(state, statement)
 
 
 def _is_near(word: str, known: str) -> bool:

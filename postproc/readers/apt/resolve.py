@@ -57,10 +57,8 @@ def resolve_points(
         elif i in motions.crossed:
             end = _crossing(start, motions.crossed[i], motions.arcs.tangent[arc_at[i]])
             if end is None:
-                raise faults.error(
-                    "APT087", "an arc that does not meet the plane in which it is to end",
-                    int(lines[i]),
-                )  # fmt: skip
+                text = "an arc that does not meet the plane in which it is to end"
+                raise faults.error("APT087", text, int(lines[i]))
             points[i, :3] = end
 
 

@@ -13,7 +13,7 @@ from postproc.arrays import NONE, FloatArray, IntArray
 from postproc.geometry import orthonormalised
 from postproc.model import CamSetup, CamTool, Event
 from postproc.readers.apt.statement import Statement, bounded
-from postproc.readers.changes import tool_changes
+from postproc.readers.base import tool_changes
 from postproc.readers.text import Faults
 from postproc.records import dataclass
 
@@ -31,12 +31,8 @@ def rotation(R: FloatArray, faults: Faults, line: int, text: str = "") -> FloatA
         ReadError: APT063 if it is none.
     """
     if float(np.abs(R.T @ R - np.eye(3)).max()) > AXIS_NORM_GAP or np.linalg.det(R) < 0.0:
-        raise faults.error(
-            "APT063",
-            "axes that are not at right angles, not of length 1 or left-handed",
-            line,
-            text,
-        )
+        message = "axes that are not at right angles, not of length 1 or left-handed"
+        raise faults.error("APT063", message, line, text)
     return R if np.array_equal(R.T @ R, np.eye(3)) else orthonormalised(R)
 
 
@@ -330,8 +326,7 @@ class ToolTable:
         with_first = self.calls[0].loads
         for event in tool_changes(np.array(self._column), self.tools, lines, with_first=with_first):
             call = self.calls[event.index]
-            text = call.statement.text
-            yield call.place, replace(event, index=call.place.tag, text=text)
+            yield call.place, replace(event, index=call.place.tag, text=call.statement.text)
 
 
 def _behind(key: str, said: Said) -> dict[str, float | str]:

@@ -27,7 +27,7 @@ from postproc.readers.apt.setup import (
 from postproc.readers.apt.statement import Statement
 from postproc.readers.base import ReadOptions
 from postproc.readers.text import Faults
-from postproc.readers.uses import Key, WordUses
+from postproc.readers.uses import AtLine, Key
 from postproc.records import dataclass
 
 T = TypeVar("T", int, float)
@@ -144,7 +144,7 @@ class KnownCycles:
     void: list[tuple[int, int]] = field(default_factory=list)
 
 
-class AptState:
+class AptState(AtLine):
     """Modal state of one reading.
 
     Args:
@@ -158,9 +158,9 @@ class AptState:
     def __init__(
         self, dialect: Dialect, options: ReadOptions, faults: Faults, scale: float, units: str
     ) -> None:
+        super().__init__(faults)
         self.dialect = dialect
         self.options = options
-        self.faults = faults
         self.scale = scale
         self.units = units
         self.columns = Columns()
@@ -174,7 +174,6 @@ class AptState:
         self.events: list[EventRecord] = []
         self.splines: list[SplineRecord] = []
         self.unknown: dict[str, int] = {}
-        self.uses = WordUses()
         self.centre_points = False
         """Whether the file says that its points are those of the tool centre."""
         self.setups = SetupTable()
@@ -220,18 +219,19 @@ class AptState:
         """Where the next statement stands."""
         return Place(self.tag, len(self.splines), len(self.events))
 
-    def add_event(self, kind: EventKind, line: int, value: float = 0.0, text: str = "") -> None:
+    def add_event(self, kind: EventKind, value: float = 0.0, text: str = "") -> None:
         """Keep an event before the next motion."""
-        self.events.append(EventRecord(Event(self.tag, kind, value, text, line), len(self.splines)))
+        event = Event(self.tag, kind, value, text, self.line)
+        self.events.append(EventRecord(event, len(self.splines)))
 
-    def add_operation(self, name: str, line: int) -> None:
+    def add_operation(self, name: str) -> None:
         """Begin an operation at the next point."""
-        self.operations.append(Operation(name, line))
+        self.operations.append(Operation(name, self.line))
         self.operation.set(self.at, len(self.operations) - 1)
 
-    def add_tool(self, statement: Statement, line: int, said: Said, *, loads: bool = False) -> None:
+    def add_tool(self, statement: Statement, said: Said, *, loads: bool = False) -> None:
         """Begin or complete the tool at the next point."""
-        self.tools.update(self.place, statement, line, said, loads=loads)
+        self.tools.update(self.place, statement, self.line, said, loads=loads)
 
     def set_feed(self, value: float) -> None:
         """Let a feed [m/s] hold from the next point on."""
@@ -306,12 +306,8 @@ class AptState:
         if len(zero):
             raise self.faults.error("APT026", "the tool axis is a zero vector", int(lines[zero[0]]))
         for i in np.flatnonzero(np.abs(length - 1.0) > AXIS_NORM_GAP)[:20].tolist():
-            self.faults.fix(
-                "APT027",
-                f"the tool axis has length {length[i]:.4f}, expected 1",
-                "its direction is taken",
-                int(lines[i]),
-            )
+            text = f"the tool axis has length {length[i]:.4f}, expected 1"
+            self.faults.fix("APT027", text, "its direction is taken", int(lines[i]))
         unit: FloatArray = axes / length[:, None] + 0.0
         return unit
 

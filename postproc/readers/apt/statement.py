@@ -206,11 +206,8 @@ def _join_dollar_lines(
         begin, done = int(starts[line]), line + 1
         while True:
             if done >= len(starts):
-                raise faults.error(
-                    "APT006",
-                    "the file ends inside a statement continued by $",
-                    block.first_line + line,
-                )
+                text = "the file ends inside a statement continued by $"
+                raise faults.error("APT006", text, block.first_line + line)
             check_line_length(faults.path, int(ends[done]) - begin, block.first_line + line)
             raw = block.data[starts[done] : ends[done]]
             code[done] = SKIP

@@ -22,7 +22,7 @@ from postproc.readers.base import LENGTH_UNITS
 from postproc.readers.text import shortened
 from postproc.units import Dimension, unit_named
 
-Handler = Callable[[AptState, Statement, int], None]
+Handler = Callable[[AptState, Statement], None]
 _NX_CENTRE = "CENTERLINE DATA"
 """Comment of NX: the points of this path are those of the tool centre."""
 _LATHE = "turning, which a robot with a spindle cannot do"
@@ -55,7 +55,7 @@ _ASKS_FOR_MORE = re.compile(r"(?<!\$)\$\s*$")
 _STOP = re.compile(r"STOP\b", re.IGNORECASE)
 
 
-def handle(state: AptState, statement: Statement, line: int) -> None:
+def handle(state: AptState, statement: Statement) -> None:
     """Let one statement that is no motion take effect."""
     word = statement.word
     if state.spline is not None and word not in ("KNOT", "CNTRL"):
@@ -66,52 +66,50 @@ def handle(state: AptState, statement: Statement, line: int) -> None:
         state.matrix.check_closed(state.faults)
     if word in FREE_TEXT and _ASKS_FOR_MORE.search(statement.text):
         reason = "ends in $, and nothing says whether the next line is more of the text; it is not"
-        state.uses.refuse(word, WordClass.COMMENT, line, reason)
-    _HANDLERS.get(word, unhandled)(state, statement, line)
+        state.refuse(word, WordClass.COMMENT, reason)
+    _HANDLERS.get(word, unhandled)(state, statement)
 
 
-def comment(state: AptState, text: str, line: int) -> None:
+def comment(state: AptState, statement: Statement) -> None:
     """Take the data that two systems hide in comments; other comments mean nothing."""
-    body = text[2:].strip()
+    body = statement.text[2:].strip()
     if body.upper().startswith("*CATIA"):
-        state.matrix.begin(line)
+        state.matrix.begin(state.line)
     elif state.matrix.is_open:
         frame = state.matrix.row(body, state.faults)
         if frame is not None:
             R, origin = frame[0], frame[1] * state.scale
             state.set_frame(R, origin)
             name = state.matrix.name.lstrip("*").strip()
-            state.setups.place("CATIA", line, R, origin, carried=True, name=name)
+            state.setups.place("CATIA", state.line, R, origin, carried=True, name=name)
     elif body.startswith("->"):
-        _creo_comment(state, body[2:], line)
+        _creo_comment(state, body[2:])
     elif body.upper() == _NX_CENTRE:
         state.centre_points = True
 
 
-def _creo_comment(state: AptState, body: str, line: int) -> None:
+def _creo_comment(state: AptState, body: str) -> None:
     head, _, rest = body.partition("/")
     word = head.strip().upper()
     args = tuple(part.strip() for part in rest.split(",") if part.strip())
-    statement = Statement(word, args, body.strip())
+    state.text = body.strip()
+    statement = Statement(word, args, state.text)
     if word == "CUTTER":
-        _cutter(state, statement, line)
+        _cutter(state, statement)
     elif word == "CSYS":
-        apt_frames.csys_statement(state, statement, line)
+        apt_frames.csys_statement(state, statement)
     elif word == "FEATNO" and args:
-        state.add_operation(f"FEATNO {args[0]}", line)
+        state.add_operation(f"FEATNO {args[0]}")
     elif word == "CUTCOM_GEOMETRY_TYPE":
         state.centre_points = statement.upper == ("OUTPUT_ON_CENTER",)
 
 
-def _units(state: AptState, statement: Statement, line: int) -> None:
+def _units(state: AptState, statement: Statement) -> None:
     name = unit_name(statement.upper[0] if statement.args else "")
     if name is None:
-        raise state.faults.error("APT012", "unknown unit of length", line, statement.text)
+        raise state.error("APT012", "unknown unit of length")
     if name != state.units:
-        raise state.faults.error(
-            "APT013", f"the file is read in {state.units}, but here it says {name}", line,
-            statement.text,
-        )  # fmt: skip
+        raise state.error("APT013", f"the file is read in {state.units}, but here it says {name}")
 
 
 def unit_name(word: str) -> str | None:
@@ -122,71 +120,68 @@ def unit_name(word: str) -> str | None:
     return next((name for name, size in LENGTH_UNITS.items() if size == factor), None)
 
 
-def _table(state: AptState, statement: Statement, line: int) -> None:
+def _table(state: AptState, statement: Statement) -> None:
     """ROTABL, ROTATE: a machine's table turns; only CAMWorks writes points in its plane."""
     if state.dialect.setup_plane and statement.word == "ROTABL":
-        apt_frames.table_statement(state, statement, line)
+        apt_frames.table_statement(state, statement)
         return
-    refuse(
-        state, statement, line, WordClass.COORDINATES,
-        "turns a table that the robot does not have",
-    )  # fmt: skip
+    refuse(state, statement, WordClass.COORDINATES, "turns a table that the robot does not have")
 
 
-def _mode(state: AptState, statement: Statement, line: int) -> None:
+def _mode(state: AptState, statement: Statement) -> None:
     """MODE/MILL says what the file is for; other modes change points, axes or the process."""
     mode = statement.upper[0] if statement.upper else ""
     if mode == "MILL":
-        state.uses.note("MODE/MILL", WordClass.PROCESS, line, "the process is milling")
+        state.note("MODE/MILL", WordClass.PROCESS, "the process is milling")
         return
     lathe = mode in ("LATHE", "TURN")
     reason = _MODES.get(mode, "a mode in no table")
     kind = WordClass.PROCESS if lathe else WordClass.COORDINATES
-    refuse(state, statement, line, kind, reason, mode)
+    refuse(state, statement, kind, reason, mode)
 
 
-def _translate(state: AptState, statement: Statement, line: int) -> None:
+def _translate(state: AptState, statement: Statement) -> None:
     """TRANS/x,y,z: a shift of the points by the postprocessor."""
     if any(statement.numbers()) or None in statement.numbers() or not statement.args:
         reason = "a shift of the points that this reader does not know to be made already or not"
-        refuse(state, statement, line, WordClass.COORDINATES, reason)
+        refuse(state, statement, WordClass.COORDINATES, reason)
 
 
-def _multax(state: AptState, statement: Statement, line: int) -> None:
+def _multax(state: AptState, statement: Statement) -> None:
     """MULTAX: how many numbers a GOTO has shows at the GOTO; OFF may say where the axis is."""
     if "OFF" in statement.upper and state.dialect.off_is_upright:
         state.set_axis(0.0, 0.0, 1.0)
 
 
-def _cycle_call(state: AptState, statement: Statement, line: int) -> None:
+def _cycle_call(state: AptState, statement: Statement) -> None:
     """MCALL alone ends a Siemens cycle that was called with MCALL."""
     state.cycle.set(state.at, -1)
 
 
-def _load(state: AptState, statement: Statement, line: int) -> None:
+def _load(state: AptState, statement: Statement) -> None:
     """LOAD/TOOL,n[,...], LOADTL/n[,...], TOOLNO/n[,...]: a tool change, n a number or a name."""
     first = statement.upper[0] if statement.upper else ""
     if statement.word == "LOAD" and "TOOL" not in statement.upper:
         reason = "loads something else than a tool, for which there is no hook"
-        refuse(state, statement, line, WordClass.TOOL, reason, first)
+        refuse(state, statement, WordClass.TOOL, reason, first)
         return
     if statement.word == "TOOLNO" and first == "ADJUST":
         reason = "number of a length offset of the control; the points are those of the tip"
-        state.uses.note("TOOLNO/ADJUST", WordClass.TOOL, line, reason)
+        state.note("TOOLNO/ADJUST", WordClass.TOOL, reason)
         return
-    said = _tool_called(state, statement, line)
+    said = _tool_called(state, statement)
     words = statement.upper
-    _check_length(state, words, next(iter(said.values())), line)
+    _check_length(state, words, next(iter(said.values())))
     if statement.word == "TOOLNO":
         diameter = bounded(statement.args[1]) if len(statement.args) > 1 else None
         said |= {"diameter": diameter * state.scale} if diameter else {}
-    state.add_tool(statement, line, said, loads=True)
+    state.add_tool(statement, said, loads=True)
     if "SPINDL" in words:
         rest = tuple(words[words.index("SPINDL") + 1 :])
-        apt_feed.spindle_statement(state, Statement("SPINDL", rest, statement.text), line)
+        apt_feed.spindle_statement(state, Statement("SPINDL", rest, statement.text))
 
 
-def _tool_called(state: AptState, statement: Statement, line: int) -> dict[str, float | str]:
+def _tool_called(state: AptState, statement: Statement) -> dict[str, float | str]:
     """Return the number or the name by which a statement loads a tool."""
     args = [arg for arg in statement.args if arg.upper() != "TOOL"]
     number = bounded(args[0]) if args else None
@@ -196,9 +191,7 @@ def _tool_called(state: AptState, statement: Statement, line: int) -> dict[str, 
     name = quoted[1].strip() if quoted else args[0] if args else ""
     is_name = quoted is not None or name.upper() not in _NO_NAMES
     if number is not None or statement.word not in ("LOAD", "LOADTL") or not (name and is_name):
-        raise state.faults.error(
-            "APT070", "a tool change without a tool number or name", line, statement.text
-        )
+        raise state.error("APT070", "a tool change without a tool number or name")
     return {"name": name}
 
 
@@ -210,119 +203,117 @@ def settle_tools(state: AptState) -> None:
         state.events.insert(place.event, EventRecord(event, place.spline))
 
 
-def _check_length(state: AptState, words: tuple[str, ...], tool: float | str, line: int) -> None:
+def _check_length(state: AptState, words: tuple[str, ...], tool: float | str) -> None:
     """Ask a tool back that comes with another LENGTH than before: it is another one."""
     at = words.index("LENGTH") + 1 if "LENGTH" in words else len(words)
     length = bounded(words[at]) if at < len(words) else None
     if length is None:
         return
-    before, where = state.tools.lengths.setdefault(tool, (length, line))
+    before, where = state.tools.lengths.setdefault(tool, (length, state.line))
     if before != length:
         reason = (
             f"tool {tool} comes with LENGTH {length:g}, in line {where} with {before:g}: a cell "
             "has one frame for it"
         )
-        state.uses.refuse("LOADTL/LENGTH", WordClass.TOOL, line, reason)
+        state.refuse("LOADTL/LENGTH", WordClass.TOOL, reason)
 
 
-def _cutter(state: AptState, statement: Statement, line: int) -> None:
+def _cutter(state: AptState, statement: Statement) -> None:
     """CUTTER/d,r,e,f,a,b,h."""
     numbers = statement.numbers()
     if not numbers or numbers[0] is None or numbers[0] < 0.0:
-        raise state.faults.error("APT071", "CUTTER without a diameter", line, statement.text)
-    _describe(state, statement, line, [v for v in numbers if v is not None], height=6)
+        raise state.error("APT071", "CUTTER without a diameter")
+    _describe(state, statement, [v for v in numbers if v is not None], height=6)
 
 
-def _tool_data(state: AptState, statement: Statement, line: int) -> None:
+def _tool_data(state: AptState, statement: Statement) -> None:
     """TLDATA/MILL,d,r,length,taper,tip (NX); of other kinds only the diameter is sure."""
     numbers = [value for value in statement.numbers() if value is not None]
     if not numbers or numbers[0] < 0.0:
-        raise state.faults.error("APT071", "TLDATA without a diameter", line, statement.text)
+        raise state.error("APT071", "TLDATA without a diameter")
     is_mill = statement.upper[0] == "MILL"
-    _describe(state, statement, line, numbers if is_mill else numbers[:1], height=2)
+    _describe(state, statement, numbers if is_mill else numbers[:1], height=2)
 
 
-def _describe(
-    state: AptState, statement: Statement, line: int, numbers: list[float], height: int
-) -> None:
+def _describe(state: AptState, statement: Statement, numbers: list[float], height: int) -> None:
     data = {"diameter": numbers[0] * state.scale}
     if len(numbers) > 1:
         data["corner_radius"] = numbers[1] * state.scale
     if len(numbers) > height:
         data["length"] = numbers[height] * state.scale
-    state.add_tool(statement, line, data)
+    state.add_tool(statement, data)
 
 
-def _tool_path(state: AptState, statement: Statement, line: int) -> None:
+def _tool_path(state: AptState, statement: Statement) -> None:
     """TOOL PATH/name,TOOL,tool name (NX): a new operation; the tool axis begins at (0, 0, 1)."""
     args = statement.args
-    state.last_open = line
+    state.last_open = state.line
     state.centre_points = False
-    state.add_operation(args[0] if args else "", line)
+    state.add_operation(args[0] if args else "")
     if len(args) > 2 and args[1].upper() == "TOOL":
-        state.add_tool(statement, line, {"name": args[2]})
+        state.add_tool(statement, {"name": args[2]})
     if statement.word in state.dialect.axis_reset:
         state.set_axis(0.0, 0.0, 1.0)
 
 
-def _insert(state: AptState, statement: Statement, line: int) -> None:
+def _insert(state: AptState, statement: Statement) -> None:
     """INSERT/text (SolidWorks CAM): STOP, the stock's size, else the name of the coming tool."""
     text = statement.free_text
     if _STOP.match(text):
-        state.add_event(EventKind.STOP, line, 0.0, text)
+        state.add_event(EventKind.STOP, 0.0, text)
     elif text.upper().startswith("STOCK SIZE"):
-        state.add_event(EventKind.MESSAGE, line, 0.0, text)
+        state.add_event(EventKind.MESSAGE, 0.0, text)
     elif _CODE.match(text):
         reason = f"{shortened(text)!r} is code for the control, which is not sent"
-        state.uses.refuse("INSERT", WordClass.PROCESS, line, reason)
-        state.add_event(EventKind.MESSAGE, line, 0.0, text)
+        state.refuse("INSERT", WordClass.PROCESS, reason)
+        state.add_event(EventKind.MESSAGE, 0.0, text)
     elif text.startswith((";", "#")):
         reason = "text for the control that looks like code; it is not sent"
-        state.uses.note("INSERT", WordClass.PROCESS, line, reason)
-        state.add_event(EventKind.MESSAGE, line, 0.0, text)
+        state.note("INSERT", WordClass.PROCESS, reason)
+        state.add_event(EventKind.MESSAGE, 0.0, text)
     elif state.dialect.name in _TOOL_NAMES:
-        state.add_tool(statement, line, {"name": text})
+        state.add_tool(statement, {"name": text})
     elif text:
-        state.add_event(EventKind.MESSAGE, line, 0.0, text)
+        state.add_event(EventKind.MESSAGE, 0.0, text)
 
 
-def _message(state: AptState, statement: Statement, line: int) -> None:
+def _message(state: AptState, statement: Statement) -> None:
     if statement.free_text:
-        state.add_event(EventKind.MESSAGE, line, 0.0, statement.free_text)
+        state.add_event(EventKind.MESSAGE, 0.0, statement.free_text)
 
 
-def _coolant(state: AptState, statement: Statement, line: int) -> None:
+def _coolant(state: AptState, statement: Statement) -> None:
     off = "OFF" in statement.upper
     for word in statement.upper:
         if word and word != "OFF" and word not in COOLANTS:
             reason = "a kind of coolant that has no number for the routine; flood is called"
-            state.uses.refuse(f"COOLNT/{word[:20]}", WordClass.PROCESS, line, reason)
+            state.refuse(f"COOLNT/{word[:20]}", WordClass.PROCESS, reason)
     kind = EventKind.COOLANT_OFF if off else EventKind.COOLANT_ON
-    state.add_event(kind, line, 0.0, ",".join(statement.upper))
+    state.add_event(kind, 0.0, ",".join(statement.upper))
 
 
-def _dwell(state: AptState, statement: Statement, line: int) -> None:
+def _dwell(state: AptState, statement: Statement) -> None:
     """DELAY/seconds; DELAY/n,REV in turns of the spindle."""
     numbers = [value for value in statement.numbers() if value is not None]
     if not numbers or numbers[0] < 0.0:
-        raise state.faults.error("APT072", "DELAY without a time", line, statement.text)
+        raise state.error("APT072", "DELAY without a time")
     seconds = numbers[0]
     if "REV" in statement.upper:
         if not state.spindle > 0.0:
-            raise state.faults.error("APT072", "DELAY in turns without a spindle speed", line)
+            raise state.faults.error("APT072", "DELAY in turns without a spindle speed", state.line)
         seconds /= state.spindle
-    state.add_event(EventKind.DWELL, line, seconds)
+    state.add_event(EventKind.DWELL, seconds)
 
 
-def _stop(state: AptState, statement: Statement, line: int) -> None:
-    state.add_event(EventKind.STOP, line, 0.0, statement.free_text)
+def _stop(state: AptState, statement: Statement) -> None:
+    state.add_event(EventKind.STOP, 0.0, statement.free_text)
 
 
-def _optional_stop(state: AptState, statement: Statement, line: int) -> None:
-    state.add_event(EventKind.OPTIONAL_STOP, line, 0.0, statement.free_text)
+def _optional_stop(state: AptState, statement: Statement) -> None:
+    state.add_event(EventKind.OPTIONAL_STOP, 0.0, statement.free_text)
 
 
-def _compensation(state: AptState, statement: Statement, line: int) -> None:
+def _compensation(state: AptState, statement: Statement) -> None:
     """CUTCOM: a control would shift the path by the tool radius; a robot has to be told no."""
     words = statement.upper
     if words[:1] == ("OFF",):
@@ -331,55 +322,53 @@ def _compensation(state: AptState, statement: Statement, line: int) -> None:
         reason = (
             "the number of a work offset of the control: coordinates that the file does not give"
         )
-        refuse(state, statement, line, WordClass.COORDINATES, reason, "ADJUST")
+        refuse(state, statement, WordClass.COORDINATES, reason, "ADJUST")
         numbers = statement.numbers()
         if words[0] == "ADJUST" and len(numbers) == 2 and numbers[1] is not None:
             name = f"{numbers[1]:g}"
-            state.setups.call(CamSetup(name, line, aliases=(f"ADJUST_{name}",)))
+            state.setups.call(CamSetup(name, state.line, aliases=(f"ADJUST_{name}",)))
     elif "LENGTH" in words:
         reason = "a length offset of the control, which nothing says is in the points already"
-        refuse(state, statement, line, WordClass.TOOL, reason, "LENGTH")
+        refuse(state, statement, WordClass.TOOL, reason, "LENGTH")
     elif state.centre_points:
         reason = (
             "the file says that its points are the tool centre: the path is driven as it stands"
         )
-        state.uses.note("CUTCOM", WordClass.TOOL, line, reason)
+        state.note("CUTCOM", WordClass.TOOL, reason)
     else:
         reason = (
             "a control would shift the path by the tool radius, a robot does not, and nothing says "
             "that the points are the tool centre already"
         )
-        state.uses.refuse("CUTCOM", WordClass.TOOL, line, reason)
+        state.refuse("CUTCOM", WordClass.TOOL, reason)
 
 
-def _from(state: AptState, statement: Statement, line: int) -> None:
+def _from(state: AptState, statement: Statement) -> None:
     """FROM/x,y,z[,i,j,k]: where the tool stands; no motion."""
     numbers = [value for value in statement.numbers() if value is not None]
     if len(numbers) != len(statement.args) or len(numbers) not in (3, 6):
-        raise state.faults.error("APT073", "FROM needs 3 or 6 numbers", line, statement.text)
+        raise state.error("APT073", "FROM needs 3 or 6 numbers")
     R, t = state.frames[int(state.frame.value)]
     if state.tag:
         reason = "where the tool is said to stand; the path goes on from the point before"
-        state.uses.note("FROM", WordClass.GEOMETRY, line, reason)
+        state.note("FROM", WordClass.GEOMETRY, reason)
     else:
         state.start = R @ numbers[:3] * state.scale + t
     if len(numbers) > 3:
-        state.set_axis(*apt_frames.unit_axis(state, numbers[3:], line))
+        state.set_axis(*apt_frames.unit_axis(state, numbers[3:]))
     state.last_point = None
 
 
-def _go_home(state: AptState, statement: Statement, line: int) -> None:
+def _go_home(state: AptState, statement: Statement) -> None:
     """GOHOME: the machine tool's home means nothing to the robot, which goes to its own."""
     numbers = statement.numbers()
     if None in numbers and any(statement.args):
         what = "a reference move of the target control"
-        refuse(state, statement, line, WordClass.GEOMETRY, what, statement.upper[0])
+        refuse(state, statement, WordClass.GEOMETRY, what, statement.upper[0])
         return
-    state.homes.append((state.tag, line))
-    state.faults.warn(
-        "APT121",
-        "GOHOME is the machine tool's home and is not driven; the robot has its own",
-        line,
+    state.homes.append((state.tag, state.line))
+    state.warn(
+        "APT121", "GOHOME is the machine tool's home and is not driven; the robot has its own"
     )
 
 
@@ -392,27 +381,27 @@ def check_homes(state: AptState) -> None:
             )
 
 
-def _named_operation(state: AptState, statement: Statement, line: int) -> None:
+def _named_operation(state: AptState, statement: Statement) -> None:
     """OPNAME/'name' (MfgSuite): a new operation."""
-    state.add_operation(statement.free_text.strip("'"), line)
+    state.add_operation(statement.free_text.strip("'"))
 
 
-def _operation(state: AptState, statement: Statement, line: int) -> None:
+def _operation(state: AptState, statement: Statement) -> None:
     """OPFEATSTART/name (CAMWorks): a new operation on the untilted table."""
     apt_frames.untilt(state)
-    state.add_operation(statement.text.partition("/")[2].strip(), line)
+    state.add_operation(statement.text.partition("/")[2].strip())
 
 
-def _setup(state: AptState, statement: Statement, line: int) -> None:
+def _setup(state: AptState, statement: Statement) -> None:
     if statement.upper[:1] == ("START",):
-        state.add_operation(" ".join(("SETUP", *statement.args[1:])), line)
+        state.add_operation(" ".join(("SETUP", *statement.args[1:])))
 
 
-def _end(state: AptState, statement: Statement, line: int) -> None:
+def _end(state: AptState, statement: Statement) -> None:
     if statement.word in state.dialect.ends:
-        state.last_end = line
+        state.last_end = state.line
     if statement.word == "FINI":
-        state.first_fini = state.first_fini or line
+        state.first_fini = state.first_fini or state.line
 
 
 _HANDLERS: dict[str, Handler] = {

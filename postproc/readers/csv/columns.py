@@ -272,18 +272,14 @@ def _asked_columns(names: tuple[str, ...] | str, layout: Layout, faults: Faults)
     columns = [Column("", "-") if name == "-" else column_of(name) for name in listed]
     unknown = [c.name for c in columns if c.question == _UNKNOWN]
     if unknown:
-        raise faults.error(
-            "CSV011",
+        text = (
             f"--columns: {unknown[0]!r} is no column, known are "
-            f"{' '.join(role.name for role in ROLES)} and - for one to leave out",
-            1,
+            f"{' '.join(role.name for role in ROLES)} and - for one to leave out"
         )
+        raise faults.error("CSV011", text, 1)
     if len(columns) != layout.width:
-        raise faults.error(
-            "CSV012",
-            f"--columns names {len(columns)} columns, the file has {layout.width}",
-            layout.first_row_line,
-        )
+        message = f"--columns names {len(columns)} columns, the file has {layout.width}"
+        raise faults.error("CSV012", message, layout.first_row_line)
     return columns
 
 

@@ -32,12 +32,8 @@ def unit_rows(vectors: FloatArray, what: str, line: IntArray, faults: Faults) ->
             "uncertainties",
         )
     for row in wrong[:20].tolist():
-        faults.fix(
-            "CSV022",
-            f"the {what} has length {length[row]:.4f}, expected 1",
-            "its direction is taken",
-            int(line[row]),
-        )
+        text = f"the {what} has length {length[row]:.4f}, expected 1"
+        faults.fix("CSV022", text, "its direction is taken", int(line[row]))
     unit: FloatArray = vectors / length[:, None] + 0.0
     return unit
 

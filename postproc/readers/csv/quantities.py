@@ -131,9 +131,6 @@ def length_unit(columns: list[Column], options: ReadOptions, faults: Faults, lay
     factors = {unit.factor if unit is not None else None for unit in units}
     named = {name for name, factor in LENGTH_UNITS.items() if factor in factors}
     if options.units is not None and named and named != {options.units}:
-        raise faults.error(
-            "CSV015",
-            f"the header says {' and '.join(sorted(named))}, but --units says {options.units}",
-            layout.header_line,
-        )
+        text = f"the header says {' and '.join(sorted(named))}, but --units says {options.units}"
+        raise faults.error("CSV015", text, layout.header_line)
     return options.units or (min(named) if len(named) == 1 == len(factors) else "mm")

@@ -21,7 +21,6 @@ import numpy as np
 from postproc.arrays import FloatArray, IndexArray, IntArray
 from postproc.model import MotionKind, ToolPath, WordUse
 from postproc.readers.base import HEAD_BYTES, READERS, ReadOptions
-from postproc.readers.csv.calls import operation_runs, setup_calls, tool_calls
 from postproc.readers.csv.columns import (
     NORMAL,
     ORIENTATIONS,
@@ -40,9 +39,16 @@ from postproc.readers.csv.quantities import (
     in_si,
     length_unit,
 )
-from postproc.readers.csv.repeats import merged_repeats
 from postproc.readers.csv.roles import BY_NAME
-from postproc.readers.csv.spindle import doubted, spindle_events, turns_of
+from postproc.readers.csv.rows import (
+    doubted,
+    merged_repeats,
+    operation_runs,
+    setup_calls,
+    spindle_events,
+    tool_calls,
+    turns_of,
+)
 from postproc.readers.csv.table import (
     Layout,
     Rows,
@@ -152,10 +158,8 @@ def _joined(columns: list[Column], parts: list[Rows], faults: Faults) -> Columns
         empty = np.flatnonzero(np.concatenate([part.empty[:, at] for part in parts]))
         if len(empty):
             if role in POSITION:
-                faults.fix(
-                    "CSV005", f"{columns[column].name} is empty",
-                    "it is that of the row before", int(line[empty[0]]),
-                )  # fmt: skip
+                message = f"{columns[column].name} is empty"
+                faults.fix("CSV005", message, "it is that of the row before", int(line[empty[0]]))
             elif role == "depth" and not is_said:
                 holes = empty[np.cumsum(~np.isnan(values))[empty] > 0]
                 if len(holes):
@@ -287,12 +291,11 @@ def _warn_if_far(points: FloatArray, line: IntArray, faults: Faults) -> None:
     far = np.flatnonzero(np.abs(points).max(axis=1, initial=0.0) > FAR_AWAY)
     if len(far):
         reach = float(np.abs(points[far]).max()) / MM
-        faults.warn(
-            "CSV110",
+        text = (
             f"{len(far)} points lie up to {reach:.0f} mm from the origin: these are coordinates of "
-            "another frame (an aircraft's, a site's) than the workpiece's",
-            int(line[far[0]]),
+            "another frame (an aircraft's, a site's) than the workpiece's"
         )
+        faults.warn("CSV110", text, int(line[far[0]]))
 
 
 def _orientation(
@@ -306,12 +309,8 @@ def _orientation(
     line = data.line[rows]
     forms = [form for form in (NORMAL, *ORIENTATIONS) if set(form) <= set(data.numbers)]
     if len(forms) > 1:
-        raise faults.error(
-            "CSV024",
-            f"two orientations, {','.join(forms[0])} and {','.join(forms[1])}",
-            1,
-            hint="choose with --columns, - leaves a column out",
-        )
+        text = f"two orientations, {','.join(forms[0])} and {','.join(forms[1])}"
+        raise faults.error("CSV024", text, 1, hint="choose with --columns, - leaves a column out")
     if not forms:
         return _normals_of_surface(data, points, rows, options, faults), None
     form = forms[0]

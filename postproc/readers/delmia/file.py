@@ -32,8 +32,7 @@ from postproc.model import (
     WordClass,
     WordUse,
 )
-from postproc.readers.base import ReadOptions
-from postproc.readers.changes import tool_changes
+from postproc.readers.base import ReadOptions, distinct, tool_changes
 from postproc.readers.delmia.profiles import Profiles
 from postproc.readers.delmia.records import (
     N_JOINTS,
@@ -225,10 +224,8 @@ def _frame_of(motion: Motion, document: Document, faults: Faults) -> FloatArray:
     if reference == "RobotBase":
         return T_reference_object
     if reference != "World":
-        raise faults.error(
-            "DEL021", "an object frame in a frame other than World or RobotBase", motion.line,
-            reference,
-        )  # fmt: skip
+        text = "an object frame in a frame other than World or RobotBase"
+        raise faults.error("DEL021", text, motion.line, reference)
     T_world_base = pose(motion.base[:3], motion.base[3:])
     return inverse(T_world_base) @ T_reference_object
 
@@ -237,39 +234,27 @@ def _tools(
     path: _Path, document: Document, faults: Faults
 ) -> tuple[IntArray, tuple[CamTool, ...], list[Event]]:
     """Return the tool (n,), the tools used, and an event for each change after the first."""
-    used: dict[str, int] = {}
-    tools: list[CamTool] = []
-    column = np.full(len(path.motions), NONE, dtype=np.int32)
-    for i, m in enumerate(path.motions):
-        name = m.tool_profile
-        if not name:
-            continue
-        if document.robot.tools and name not in document.robot.tools:
-            raise faults.error("DEL016", "no tool profile of this name", m.line, name)
-        if name not in used:
-            used[name] = len(tools)
-            tools.append(CamTool(0, name, line=m.line))
-        column[i] = used[name]
-    line = np.array([m.line for m in path.motions], dtype=np.int32)
-    return column, tuple(tools), tool_changes(column, tools, line, with_first=False)
+    motions, known = path.motions, document.robot.tools
+    for m in motions:
+        if m.tool_profile and known and m.tool_profile not in known:
+            raise faults.error("DEL016", "no tool profile of this name", m.line, m.tool_profile)
+    column, first = distinct(m.tool_profile for m in motions)
+    tools = tuple(CamTool(0, name, line=motions[row].line) for name, row in first.items())
+    line = np.array([m.line for m in motions], dtype=np.int32)
+    return column, tools, tool_changes(column, tools, line, with_first=False)
 
 
 def _setups(
     motions: list[Motion], document: Document, faults: Faults
 ) -> tuple[IntArray | None, tuple[CamSetup, ...]]:
     """Return the object frame (n,) of each motion and the frames; None if all are the robot's."""
-    index: dict[str, int] = {}
-    setups: list[CamSetup] = []
-    column = np.full(len(motions), NONE, dtype=np.int32)
-    for i, m in enumerate(motions):
-        if not m.object_profile or m.object_profile not in document.robot.objects:
-            continue
-        if m.object_profile not in index:
-            T = _frame_of(m, document, faults)
-            matrix = tuple(tuple(row) for row in (T[:3] + 0.0).tolist())
-            index[m.object_profile] = len(setups)
-            setups.append(CamSetup(m.object_profile, m.line, matrix, carried=True))
-        column[i] = index[m.object_profile]
+    known = document.robot.objects
+    column, first = distinct(m.object_profile in known and m.object_profile for m in motions)
+    setups = []
+    for name, row in first.items():
+        T = _frame_of(motions[row], document, faults)
+        matrix = tuple(map(tuple, (T[:3] + 0.0).tolist()))
+        setups.append(CamSetup(name, motions[row].line, matrix, carried=True))
     return (column, tuple(setups)) if setups else (None, ())
 
 
@@ -302,19 +287,15 @@ def _arcs(
 def _note_coordinates(document: Document, faults: Faults) -> None:
     coordinates = document.robot.coordinates
     if coordinates not in ("", "RobotBase"):
-        faults.warn(
-            "DEL111",
+        text = (
             f"DownloadCoordinates is {coordinates[:40]!r}: targets without an object frame are "
-            "taken to stand in the cell's workpiece frame as they are",
-            1,
+            "taken to stand in the cell's workpiece frame as they are"
         )
+        faults.warn("DEL111", text, 1)
 
 
 def _note_joint_only(points: FloatArray, motions: list[Motion], faults: Faults) -> None:
     missing = np.flatnonzero(np.isnan(points).any(axis=1))
     if len(missing):
-        faults.warn(
-            "DEL121",
-            f"{len(missing)} targets hold joint angles only, of the robot that recorded them",
-            motions[int(missing[0])].line,
-        )
+        text = f"{len(missing)} targets hold joint angles only, of the robot that recorded them"
+        faults.warn("DEL121", text, motions[int(missing[0])].line)

@@ -57,12 +57,11 @@ def _roots(document: Document, task: str | None, faults: Faults) -> list[str]:
             "DEL011", "tasks call each other in a circle", document.task_lines[first]
         )
     if len(roots) > 1:
-        faults.warn(
-            "DEL110",
+        text = (
             f"{len(roots)} tasks that no other one calls, read one after the other: "
-            f"{', '.join(roots)[:200]}",
-            document.task_lines[roots[1]],
+            f"{', '.join(roots)[:200]}"
         )
+        faults.warn("DEL110", text, document.task_lines[roots[1]])
     return roots
 
 
@@ -83,10 +82,8 @@ def _size(document: Document, root: str, sizes: dict[str, int], faults: Faults) 
                 "DEL010", f"task {name!r} calls {call.task!r}, which is not in the file", call.line
             )
         if call.task in open_tasks:
-            raise faults.error(
-                "DEL011", f"tasks call each other in a circle: {name!r} calls {call.task!r}",
-                call.line,
-            )  # fmt: skip
+            text = f"tasks call each other in a circle: {name!r} calls {call.task!r}"
+            raise faults.error("DEL011", text, call.line)
         open_tasks[call.task] = _calls(document, call.task)
 
 

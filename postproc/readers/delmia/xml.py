@@ -71,19 +71,13 @@ class _Checked:
             self._check_root(chunk)
         self.unclaimed += len(chunk)
         if self.unclaimed > _MOST_BYTES:
-            raise self._faults.error(
-                "DEL006",
-                f"{_MOST_BYTES >> 20} MB without a whole activity, expected OLP XML",
-                self._line,
-            )
+            text = f"{_MOST_BYTES >> 20} MB without a whole activity, expected OLP XML"
+            raise self._faults.error("DEL006", text, self._line)
         seen = self._tail + chunk
         at = seen.find(b"<!DOCTYPE")
         if at >= 0:
-            raise self._faults.error(
-                "DEL002",
-                "a document type declaration, expected plain OLP XML without DTD or entities",
-                self._line + seen.count(b"\n", 0, at),
-            )
+            message = "a document type declaration, expected plain OLP XML without DTD or entities"
+            raise self._faults.error("DEL002", message, self._line + seen.count(b"\n", 0, at))
         self._line += chunk.count(b"\n")
         self._tail = seen[-8:].replace(b"\n", b" ")
         return chunk
@@ -294,8 +288,7 @@ class _ElementReader:
             raise self._missing("SignalName" if not name else "SignalValue", element)
         known = _SIGNAL_VALUES.get(value.strip().lower())
         if known is None:
-            text = "SignalValue needs On or Off, not"
-            raise self._faults.error("DEL004", text, line, value[:20])
+            raise self._faults.error("DEL004", "SignalValue needs On or Off, not", line, value[:20])
         port = self._number(self._given(element, "PortNumber") or "0", element)
         return Statement(line, kind, name, int(port), float(known))
 
@@ -415,10 +408,8 @@ class _ElementReader:
         unit = unit_named(name)
         if unit is None or unit.dimension not in dimensions:
             expected = " or ".join(dimensions)
-            raise self._faults.error(
-                "DEL004", f"{element.tag} has Units {name[:20]!r}, expected one of {expected}",
-                _line(element),
-            )  # fmt: skip
+            text = f"{element.tag} has Units {name[:20]!r}, expected one of {expected}"
+            raise self._faults.error("DEL004", text, _line(element))
         return unit.factor
 
     def _child(self, element: etree._Element, tag: str) -> etree._Element:

@@ -57,10 +57,8 @@ def block_of(text: str, line: int, faults: Faults) -> Block:
     if not bare or bare == "%":
         return Block(line, (), remarks[-1].strip() if remarks else "")
     if _MACRO.search(bare):
-        raise faults.error(
-            "GCD002", "a macro or expression, expected numbers; post the file without macros", line,
-            bare,
-        )  # fmt: skip
+        message = "a macro or expression, expected numbers; post the file without macros"
+        raise faults.error("GCD002", message, line, bare)
     skip, bare = bare.startswith("/"), re.sub(r"[\s]+", "", bare.removeprefix("/"))
     found = _WORD.findall(bare)
     if sum(len(letter) + len(number) for letter, number in found) != len(bare):

@@ -7,18 +7,17 @@ changes the path and is not carried out is refused by its code.
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from postproc.arrays import IntArray
 from postproc.errors import UsageError
 from postproc.model import Arcs, ToolPath
 from postproc.readers.base import ReadOptions
-from postproc.readers.gcode.blocks import Block, block_of
+from postproc.readers.gcode.blocks import block_of
 from postproc.readers.gcode.execute import execute
-from postproc.readers.gcode.state import Machine
+from postproc.readers.gcode.state import Machine, Tag
 from postproc.readers.text import Faults, text_blocks
 from postproc.records import dataclass
 
@@ -28,7 +27,7 @@ _DEEPEST = 10
 """Calls within calls: LinuxCNC's limit; Fanuc has 4 (10 on the 30i)."""
 DIALECTS = ("fanuc", "linuxcnc")
 _LINUXCNC = ("linuxcnc", "pathpilot", "freecad", "grbl")
-_PROGRAM = re.compile(r"\s*[Oo:](\d{1,8})\b")
+_WHOLE = ("kind", "line", "operation", "tool", "arc", "cycle")
 _MOST_REPEATS = 9999
 """As many as P or L can say on a Fanuc control."""
 
@@ -79,7 +78,8 @@ def _run(machine: Machine, lines: list[str]) -> None:
     for _ in range(MOST_BLOCKS):
         if machine.ended or at >= len(lines):
             break
-        block = block_of(lines[at], at + 1, faults)
+        block = machine.block = block_of(lines[at], at + 1, faults)
+        machine.line = block.line
         at += 1
         if not block.words:
             machine.remark = block.comment or machine.remark
@@ -89,7 +89,7 @@ def _run(machine: Machine, lines: list[str]) -> None:
             programs = _programs(lines) if programs is None else programs
             if len(calls) >= _DEEPEST:
                 raise faults.error("GCD008", f"calls more than {_DEEPEST} deep", block.line)
-            calls.append(_called(machine, block, programs, at))
+            calls.append(_called(machine, programs, at))
             at = calls[-1].first
         elif "M99" in codes:
             if not calls:
@@ -100,49 +100,45 @@ def _run(machine: Machine, lines: list[str]) -> None:
             else:
                 at = calls.pop().back
         else:
-            execute(machine, block)
+            execute(machine)
     else:
         raise faults.error("GCD008", f"more than {MOST_BLOCKS} blocks are run", len(lines))
     last = next((line for line in reversed(lines) if line.strip()), "")
     if calls or not (machine.ended or last.strip() == "%"):
-        faults.fix(
-            "GCD009", "the file ends without M30 or M2, it may be cut off",
-            "it is taken as complete", len(lines),
-        )  # fmt: skip
+        text = "the file ends without M30 or M2, it may be cut off"
+        faults.fix("GCD009", text, "it is taken as complete", len(lines))
 
 
 def _programs(lines: list[str]) -> dict[int, int]:
     """Return the index of the line behind each program number O."""
     found: dict[int, int] = {}
     for index, line in enumerate(lines):
-        text = (
-            line.strip().upper().replace(":", "O", 1)
-            if line.lstrip()[:1] == ":"
-            else line.strip().upper()
-        )
+        text = line.strip().upper()
+        text = f"O{text[1:]}" if text.startswith(":") else text
         digits = text[1:5].split("(")[0].strip() if text.startswith("O") else ""
         if digits.isdigit():
             found.setdefault(int(digits), index + 1)
     return found
 
 
-def _called(machine: Machine, block: Block, programs: dict[int, int], back: int) -> _Call:
+def _called(machine: Machine, programs: dict[int, int], back: int) -> _Call:
     """Return the call of M98: P1234 L2, or P21234 of older controls."""
-    said = {word.letter: word.value for word in block.words}
+    said = {word.letter: word.value for word in machine.block.words}
     number, repeats = int(said.get("P", -1.0)), int(said.get("L", said.get("K", 1.0)))
     if number not in programs and number > _MOST_REPEATS:
         repeats, number = divmod(number, 10_000)
     if number not in programs:
         text = f"no sub-program O{number} in this file" if number >= 0 else "M98 without its P"
-        raise machine.faults.error("GCD007", text, block.line)
+        raise machine.error("GCD007", text)
     if {"X", "Y", "Z"} & said.keys() or not 1 <= repeats <= _MOST_REPEATS:
-        raise machine.faults.error("GCD007", "M98 with a motion or a wrong count", block.line)
+        raise machine.error("GCD007", "M98 with a motion or a wrong count")
     return _Call(programs[number], repeats, back)
 
 
 def _toolpath(machine: Machine, path: str) -> ToolPath:
-    rows, arcs = machine.rows, machine.arcs
-    n = len(rows.line)
+    arcs, n = machine.arcs, len(machine.tags)
+    columns = {name: [getattr(tag, name) for tag in machine.tags] for name in Tag._fields}
+    whole: dict[str, Any] = {name: np.array(columns[name], dtype=np.int32) for name in _WHOLE}
     inch = machine.modes.units in ("G20", "G70") or machine.options.units == "inch"
     return ToolPath(
         path=path,
@@ -150,32 +146,23 @@ def _toolpath(machine: Machine, path: str) -> ToolPath:
         format="gcode",
         dialect=machine.dialect,
         units="inch" if inch else "mm",
-        points=np.array(rows.points).reshape(n, 3),
-        axes=np.array(rows.axes).reshape(n, 3),
-        kind=_ints(rows.kind),
-        feed=np.array(rows.feed),
-        line=_ints(rows.line),
-        operation=_ints(rows.operation),
-        tool=_ints(rows.tool),
-        arc=_ints(rows.arc),
-        cycle=_ints(rows.cycle),
+        points=np.array(columns["point"]).reshape(n, 3),
+        axes=np.array(columns["axis"]).reshape(n, 3),
+        feed=np.array(columns["feed"], dtype=np.float64),
+        **whole,
         operations=tuple(machine.operations),
         tools=tuple(machine.tools),
         arcs=_arcs(machine) if arcs else Arcs.none(),
         cycles=tuple(machine.cycles),
         events=tuple(machine.events),
-        setup=_ints(rows.setup) if machine.setups else None,
+        setup=np.array(columns["setup"], dtype=np.int32) if machine.setups else None,
         setups=tuple(machine.setups),
-        largest_blend=np.array(rows.blend),
+        largest_blend=np.array(columns["blend"], dtype=np.float64),
         word_uses=machine.uses.all(),
         unknown_words={use.word: len(use.lines) for use in machine.uses.all() if use.refused},
         warnings=machine.faults.warnings,
         recovered=machine.faults.fixes,
     )
-
-
-def _ints(values: list[int]) -> IntArray:
-    return np.array(values, dtype=np.int32)
 
 
 def _arcs(machine: Machine) -> Arcs:

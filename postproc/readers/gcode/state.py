@@ -3,36 +3,46 @@
 from __future__ import annotations
 
 from dataclasses import field
+from math import nan
+from typing import NamedTuple
 
 import numpy as np
 
 from postproc.arrays import ROUNDING, FloatArray
-from postproc.model import CamSetup, CamTool, Cycle, Event, EventKind, MotionKind, Operation
+from postproc.model import (
+    CamSetup,
+    CamTool,
+    Cycle,
+    Event,
+    EventKind,
+    MotionKind,
+    Operation,
+)
 from postproc.readers.base import LENGTH_UNITS, ReadOptions
 from postproc.readers.gcode.arcs import Arc
+from postproc.readers.gcode.blocks import Block
 from postproc.readers.gcode.head import UPRIGHT, head_of
 from postproc.readers.text import Faults, shortened
-from postproc.readers.uses import WordUses
+from postproc.readers.uses import AtLine
 from postproc.records import dataclass
 
 NONE = -1
 
 
-@dataclass(slots=True)
-class Rows:
-    """Columns of the toolpath, one entry a tag."""
+class Tag(NamedTuple):
+    """A row of the toolpath: feed [m/s], ``arc`` and ``cycle`` as indices, ``blend`` [m]."""
 
-    points: list[FloatArray] = field(default_factory=list)
-    axes: list[FloatArray] = field(default_factory=list)
-    kind: list[int] = field(default_factory=list)
-    feed: list[float] = field(default_factory=list)
-    line: list[int] = field(default_factory=list)
-    operation: list[int] = field(default_factory=list)
-    tool: list[int] = field(default_factory=list)
-    arc: list[int] = field(default_factory=list)
-    cycle: list[int] = field(default_factory=list)
-    setup: list[int] = field(default_factory=list)
-    blend: list[float] = field(default_factory=list)
+    point: FloatArray
+    axis: FloatArray
+    kind: MotionKind
+    feed: float
+    line: int
+    operation: int
+    tool: int
+    arc: int
+    cycle: int
+    setup: int
+    blend: float
 
 
 @dataclass(slots=True)
@@ -57,14 +67,16 @@ class Drill:
     words: dict[str, float] = field(default_factory=dict)
 
 
-class Machine:
+class Machine(AtLine):
     """The control that the program believes to run on; lengths [m], NaN where not known."""
 
     def __init__(self, options: ReadOptions, faults: Faults, dialect: str) -> None:
-        self.options, self.faults, self.dialect = options, faults, dialect
-        self.uses = WordUses()
+        super().__init__(faults)
+        self.options, self.dialect = options, dialect
         self.modes = Modes()
-        self.rows = Rows()
+        self.tags: list[Tag] = []
+        self.block: Block
+        """The one at hand."""
         self.drill = Drill()
         self.position: FloatArray = np.full(3, np.nan)
         self.homed_line = 0
@@ -106,7 +118,7 @@ class Machine:
         axis = self.axis
         return bool(np.isfinite(axis).all() and np.abs(axis - UPRIGHT).max() > ROUNDING)
 
-    def scale(self, line: int) -> float:
+    def scale(self) -> float:
         """Return metres per unit of length.
 
         Raises:
@@ -115,45 +127,42 @@ class Machine:
         stated = {"G20": "inch", "G70": "inch", "G21": "mm", "G71": "mm"}.get(self.modes.units)
         asked = self.options.units
         if stated is None and asked is None:
-            raise self.faults.error(
-                "GCD005", "neither G20 nor G21 before the first length, expected one", line,
-                hint="say it with --units mm or --units inch",
-            )  # fmt: skip
+            text = "neither G20 nor G21 before the first length, expected one"
+            raise self.error("GCD005", text, "say it with --units mm or --units inch")
         if stated is not None and asked not in (None, stated):
-            raise self.faults.error(
-                "GCD006", f"the file is in {stated}, but --units says {asked}", line
-            )
+            raise self.error("GCD006", f"the file is in {stated}, but --units says {asked}")
         return LENGTH_UNITS[stated or str(asked)]
 
-    def event(self, kind: EventKind, line: int, value: float = 0.0, text: str = "") -> None:
+    def event(self, kind: EventKind, value: float = 0.0, text: str = "") -> None:
         """Keep what happens before the next tag."""
-        self.events.append(Event(len(self.rows.line), kind, value, text, line))
+        self.events.append(Event(len(self.tags), kind, value, text, self.line))
 
-    def tag(self, kind: MotionKind, point: FloatArray, line: int, **more: float) -> None:
-        """Add a tag: ``feed`` [m/s], ``arc`` and ``cycle`` as indices, ``blend`` [m]."""
+    def tag(
+        self,
+        kind: MotionKind,
+        point: FloatArray,
+        line: int = 0,
+        *,
+        feed: float = nan,
+        arc: int = NONE,
+        cycle: int = NONE,
+        blend: float = nan,
+    ) -> None:
+        """Add a tag, see ``Tag``; ``line``: its own, 0 for that of the block at hand."""
+        line, axis = line or self.line, self.axis
         if self.remark:
             self.operations.append(Operation(shortened(self.remark), line))
             self.remark = ""
-        rows, axis = self.rows, self.axis
         if np.isnan(axis).any():
             text = "a motion while it is not known how the head stands"
             hint = "say it before: B0 C0; a file of three axes needs no [import] head"
             raise self.faults.error("GCD019", text, line, hint=hint)
-        rows.points.append(point.copy())
-        rows.axes.append(axis)
         self.turned_at_last = dict(self.turned)
-        rows.kind.append(int(kind))
-        rows.feed.append(more.get("feed", float("nan")))
-        rows.line.append(line)
-        rows.operation.append(len(self.operations) - 1)
-        rows.tool.append(self.tool)
-        rows.arc.append(int(more.get("arc", NONE)))
-        rows.cycle.append(int(more.get("cycle", NONE)))
-        rows.setup.append(self.base)
-        exact = self.modes.path == "G61"
-        rows.blend.append(0.0 if exact else more.get("blend", float("nan")))
+        operation, blend = len(self.operations) - 1, 0.0 if self.modes.path == "G61" else blend
+        place = (feed, line, operation, self.tool, arc, cycle, self.base, blend)
+        self.tags.append(Tag(point.copy(), axis, kind, *place))
 
-    def path_feed(self, line: int) -> float:
+    def path_feed(self) -> float:
         """Return the feed of a cut [m/s], NaN where the file gives none.
 
         Raises:
@@ -162,5 +171,5 @@ class Machine:
         if self.modes.feed != "G95":
             return self.feed / 60.0
         if not self.speed > 0.0:
-            raise self.faults.error("GCD014", "a feed per turn without a spindle speed", line)
+            raise self.error("GCD014", "a feed per turn without a spindle speed")
         return self.feed * self.speed

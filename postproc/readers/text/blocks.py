@@ -65,12 +65,11 @@ def _line_feeds(chunk: bytes) -> bytes:
 def check_line_length(path: str, length: int, line: int) -> None:
     """Raise ReadError IO015 for a line or statement of more characters than any real one has."""
     if length > LONGEST_LINE:
-        raise ReadError(
-            "IO015",
+        text = (
             f"a line of more than {LONGEST_LINE} characters, with those that continue it, "
-            "expected one statement or row a line",
-            SourceRef(path, line),
+            "expected one statement or row a line"
         )
+        raise ReadError("IO015", text, SourceRef(path, line))
 
 
 AS_CSV = "in Excel or LibreOffice: Save As, type CSV (UTF-8)"
