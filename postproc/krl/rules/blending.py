@@ -11,7 +11,7 @@ from postproc.arrays import FloatArray
 from postproc.geometry import transform_from_kuka
 from postproc.krl import text as krl
 from postproc.krl.rules.part import Part, Step, key_of, position_of
-from postproc.krl.rules.subject import ERROR, WARNING, Subject
+from postproc.krl.rules.subject import ERROR, Subject
 
 FEED = 0.1
 """Path speed [m/s] up to which a motion is taken for a cut; rapids are faster."""
@@ -27,41 +27,37 @@ def blending(subject: Subject) -> None:
     """Row 18: kinds of blending, last motion, plunges, waits, borders."""
     for part in subject.parts:
         blended = [place for place, words in enumerate(part.blends) if words]
-        _kinds(subject, part, [part.steps[place] for place in blended])
-        _plunges(subject, part)
+        _kinds(part, [part.steps[place] for place in blended])
+        _plunges(part)
         for place in blended:
             if part.steps[place].index not in part.in_block:
-                _behind(subject, part, place)
+                _behind(part, place)
     _last_motions(subject)
 
 
-def _kinds(subject: Subject, part: Part, blended: Sequence[Step]) -> None:
+def _kinds(part: Part, blended: Sequence[Step]) -> None:
     """Check the words of blended motions; most of them are a word that may stand there."""
     for step in blended:
         words, move = step.move.blend, step.move
         is_usual = words == ("C_DIS",) or (words == ("C_SPL",) and move.word.is_spline)
         if not is_usual or step.index in part.in_block:
-            _kind(subject, part, step)
+            _kind(part, step)
 
 
-def _kind(subject: Subject, part: Part, step: Step) -> None:
+def _kind(part: Part, step: Step) -> None:
     move, line = step.move, step.move.line
     words = set(move.blend)
     if step.index in part.in_block:
-        message = f"{move.blend[0]} within a spline block"
-        subject.add(18, ERROR, part.path, line, message)
+        part.error(18, line, f"{move.blend[0]} within a spline block")
     elif "C_PTP" in words and not move.word.is_axis_motion:
-        message = f"C_PTP on a {move.word.value}: only a PTP takes it"
-        subject.add(18, ERROR, part.path, line, message)
+        part.error(18, line, f"C_PTP on a {move.word.value}: only a PTP takes it")
     elif "C_SPL" in words and not move.word.is_spline:
-        message = f"C_SPL on a {move.word.value}: only SPTP, SLIN, SCIRC take it"
-        subject.add(18, ERROR, part.path, line, message)
+        part.error(18, line, f"C_SPL on a {move.word.value}: only SPTP, SLIN, SCIRC take it")
     elif move.word.is_spline and words - {"C_SPL", "C_DIS"}:
-        message = f"{move.blend[0]} on a {move.word.value}: C_SPL is meant"
-        subject.add(18, WARNING, part.path, line, message)
+        part.warn(18, line, f"{move.blend[0]} on a {move.word.value}: C_SPL is meant")
 
 
-def _behind(subject: Subject, part: Part, place: int) -> None:
+def _behind(part: Part, place: int) -> None:
     """What stands between a blended motion and the next one."""
     step = part.steps[place]
     last = place + 1 == len(part.steps)
@@ -73,31 +69,30 @@ def _behind(subject: Subject, part: Part, place: int) -> None:
     for statement in between:
         if isinstance(statement, krl.WaitSec | krl.WaitFor | krl.Halt):
             message = f"blended, and {_word(statement)} comes after it: the blend is lost"
-            subject.add(18, WARNING, part.path, step.move.line, message)
+            part.warn(18, step.move.line, message)
             return
         if isinstance(statement, krl.Call):
-            target = subject.called(statement.name, part.module)
-            if target is not None and key_of(*target) in subject.moving:
+            target = part.subject.called(statement.name, part.module)
+            if target is not None and key_of(*target) in part.subject.moving:
                 message = f"blended at the border to {target[1].name}: the blend may be lost"
-                subject.add(18, WARNING, part.path, step.move.line, message)
+                part.warn(18, step.move.line, message)
                 return
         if isinstance(statement, krl.Control):
             return
     if not last:
-        _next_kind(subject, part, step.move, part.steps[place + 1].move)
+        _next_kind(part, step.move, part.steps[place + 1].move)
 
 
 def _word(statement: krl.Statement) -> str:
     return "HALT" if isinstance(statement, krl.Halt) else "a WAIT"
 
 
-def _next_kind(subject: Subject, part: Part, move: krl.Move, following: krl.Move) -> None:
+def _next_kind(part: Part, move: krl.Move, following: krl.Move) -> None:
     if move.word.is_spline != following.word.is_spline:
-        message = f"{move.word.value} does not blend into {following.word.value}"
-        subject.add(18, WARNING, part.path, move.line, message)
+        part.warn(18, move.line, f"{move.word.value} does not blend into {following.word.value}")
 
 
-def _plunges(subject: Subject, part: Part) -> None:
+def _plunges(part: Part) -> None:
     """A motion that comes back the way it went must stop where it turns; a plunge also before."""
     if len(part.steps) < 3:
         return
@@ -113,10 +108,10 @@ def _plunges(subject: Subject, part: Part) -> None:
             continue
         if bottom.move.blend:
             message = "blended where the tool turns back at feed: the depth is not reached"
-            subject.add(18, ERROR, part.path, bottom.move.line, message)
+            part.error(18, bottom.move.line, message)
         if before.move.blend and _is_along_tool(bottom, way[place - 1]) and _sets_feed(part, place):
             message = "blended before a plunge: the tool goes down beside the hole"
-            subject.add(18, ERROR, part.path, before.move.line, message)
+            part.error(18, before.move.line, message)
 
 
 def _headings(part: Part, way: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -141,7 +136,7 @@ def _auxiliary(part: Part, place: int) -> tuple[float | None, ...]:
     """Return X, Y, Z [mm] of the auxiliary point of a circle that ends at its target."""
     move = part.steps[place].move
     known = move.auxiliary is not None and move.angle_deg is None
-    return position_of(part.point(move.auxiliary, part.module) if known else None)
+    return position_of(part.subject.point(move.auxiliary, part.module) if known else None)
 
 
 def _inverted(ways: FloatArray) -> FloatArray:
@@ -203,17 +198,16 @@ def advance_stops(subject: Subject) -> None:
             before = part.steps[place - 1]
             between = part.between(before, part.steps[place])
             if between and (before.move.blend or at_feed[place - 1]):
-                _stops(subject, part, between)
+                _stops(part, between)
 
 
-def _stops(subject: Subject, part: Part, between: Sequence[krl.Statement]) -> None:
+def _stops(part: Part, between: Sequence[krl.Statement]) -> None:
     saved = False
     for statement in between:
         what = _access(statement)
         if what and not saved:
             message = f"{what} between two path motions stops the advance run"
-            hint = "CONTINUE before it, or a TRIGGER"
-            subject.add(20, WARNING, part.path, statement.line, message, hint)
+            part.warn(20, statement.line, message, "CONTINUE before it, or a TRIGGER")
         saved = isinstance(statement, krl.Continue)
 
 

@@ -22,8 +22,8 @@ def calls(subject: Subject) -> None:
     needed = {part.key: frozenset(_needed(part)) for part in subject.parts}
     for part in subject.parts:
         place = (part.module, part.routine)
-        _parameters(subject, part)
-        _returns(subject, part)
+        _parameters(part)
+        _returns(part)
         for call in part.calls:
             _bas(subject, part.path, call)
             target = subject.called(call.name, part.module)
@@ -95,25 +95,24 @@ def _value(argument: krl.Value | krl.Node | None) -> krl.Value | None:
     )
 
 
-def _parameters(subject: Subject, part: Part) -> None:
+def _parameters(part: Part) -> None:
     declared = {v.name.upper() for s in part.of(krl.Declaration) for v in s.variables}
     for parameter in part.routine.parameters:
         if parameter.name.upper() not in declared:
             message = f"parameter {parameter.name} of {part.routine.name} is not declared"
             hint = f"DECL with its type behind DEF {part.routine.name}"
-            subject.add(28, ERROR, part.path, part.routine.line, message, hint)
+            part.error(28, part.routine.line, message, hint)
 
 
-def _returns(subject: Subject, part: Part) -> None:
+def _returns(part: Part) -> None:
     values = [s for s in part.of(krl.Control) if s.word == "RETURN" and s.text]
     if part.routine.result_type is not None:
         if not values:
             message = f"{part.routine.name} is a function and returns no value"
-            subject.add(28, WARNING, part.path, part.routine.line, message)
+            part.warn(28, part.routine.line, message)
         return
     for statement in values:
-        message = f"{part.routine.name} is no function: RETURN takes no value"
-        subject.add(28, ERROR, part.path, statement.line, message)
+        part.error(28, statement.line, f"{part.routine.name} is no function: RETURN takes no value")
 
 
 def _bas(subject: Subject, path: str, call: krl.Call) -> None:

@@ -19,46 +19,44 @@ def circles(subject: Subject) -> None:
         for place, step in enumerate(part.steps):
             if step.move.word.is_circular:
                 start = part.positions[place - 1] if place else np.full(3, np.nan)
-                _circle(subject, part, place, start)
+                _circle(part, place, start)
 
 
-def _circle(subject: Subject, part: Part, place: int, start: FloatArray) -> None:
+def _circle(part: Part, place: int, start: FloatArray) -> None:
     step = part.steps[place]
     line = step.move.line
     if step.move.auxiliary is None:
-        subject.add(24, ERROR, part.path, line, "a circle without an auxiliary point")
+        part.error(24, line, "a circle without an auxiliary point")
         return
     angle = number(step.move.angle_deg)
     if step.move.angle_deg is not None and angle is not None and not 0.0 < abs(angle) <= 1e4:
-        subject.add(24, ERROR, part.path, line, f"an arc angle of {angle:g} deg")
+        part.error(24, line, f"an arc angle of {angle:g} deg")
     if step.move.word.is_relative:
         return
-    point = subject.point(step.move.auxiliary, part.module)
+    point = part.subject.point(step.move.auxiliary, part.module)
     middle = np.array(position_of(point), dtype=np.float64)
     end = part.positions[place]
     if not np.isfinite(np.concatenate([middle, end])).all():
         return
     if np.linalg.norm(end - middle) < TINY:
-        subject.add(24, ERROR, part.path, line, "auxiliary point and end are the same")
+        part.error(24, line, "auxiliary point and end are the same")
     elif np.isfinite(start).all():
-        _three_points(subject, part, line, start, middle, end)
+        _three_points(part, line, start, middle, end)
 
 
 def _three_points(
-    subject: Subject, part: Part, line: int, start: FloatArray, middle: FloatArray, end: FloatArray
+    part: Part, line: int, start: FloatArray, middle: FloatArray, end: FloatArray
 ) -> None:
     a, b = middle - start, end - start
     area = float(np.linalg.norm(np.cross(a, b)))
     sides = [float(np.linalg.norm(v)) for v in (a, b, b - a)]
     if min(sides[:2]) < TINY:
         message = "the start is the auxiliary point or the end: no circle through them"
-        subject.add(24, ERROR, part.path, line, message, hint="two arcs, or CA 360")
+        part.error(24, line, message, hint="two arcs, or CA 360")
     elif area < 1e-6 * sides[0] * sides[1]:
-        message = "start, auxiliary point and end lie on a line"
-        subject.add(24, ERROR, part.path, line, message)
+        part.error(24, line, "start, auxiliary point and end lie on a line")
     elif sides[0] * sides[1] * sides[2] / (2.0 * area) > _LARGEST:
-        message = "the circle has a radius of more than 50 m"
-        subject.add(24, WARNING, part.path, line, message)
+        part.warn(24, line, "the circle has a radius of more than 50 m")
 
 
 # ------------------------------------------------------------------------------- external axes
@@ -119,10 +117,10 @@ def spline_blocks(subject: Subject) -> None:
             or part.of(krl.SplineBegin)
             or any(s.move.word == "SPL" for s in part.steps)
         ):
-            _blocks(subject, part)
+            _blocks(part)
 
 
-def _blocks(subject: Subject, part: Part) -> None:
+def _blocks(part: Part) -> None:
     word = ""
     for statement in part.routine.statements:
         if isinstance(statement, krl.SplineBegin):
@@ -133,12 +131,11 @@ def _blocks(subject: Subject, part: Part) -> None:
             name = statement.word.value.removesuffix("_REL")
             if name not in _SEGMENTS[word] if word else name == "SPL":
                 where = f"in a {word} block" if word else "outside a spline block"
-                message = f"{statement.word.value} {where}"
-                subject.add(31, ERROR, part.path, statement.line, message)
+                part.error(31, statement.line, f"{statement.word.value} {where}")
         elif word and not _is_allowed(statement):
             message = f"{_shown(statement)} in a {word} block: only its segments stand there"
             hint = "set it WITH a segment or the block, or by a TRIGGER"
-            subject.add(31, ERROR, part.path, statement.line, message, hint)
+            part.error(31, statement.line, message, hint)
 
 
 def _is_allowed(statement: krl.Statement) -> bool:
@@ -167,7 +164,7 @@ def status_and_turn(subject: Subject) -> None:
         if isinstance(point, krl.Pose):
             _one(subject, path, line, point)
     for part in subject.parts:
-        _chain(subject, part)
+        _chain(part)
 
 
 def _one(subject: Subject, path: str, line: int, pose: krl.Pose) -> None:
@@ -188,7 +185,7 @@ def _one(subject: Subject, path: str, line: int, pose: krl.Pose) -> None:
         subject.add(12, ERROR, path, line, message)
 
 
-def _chain(subject: Subject, part: Part) -> None:
+def _chain(part: Part) -> None:
     """A path motion keeps the status: another S in its target is ignored by the controller."""
     status: int | None = None
     for step in part.steps:
@@ -201,5 +198,5 @@ def _chain(subject: Subject, part: Part) -> None:
             continue
         if status is not None and here & 0b111 != status & 0b111:
             message = f"S {here} on a path that began with S {status}: a path keeps its status"
-            subject.add(12, ERROR, part.path, step.move.line, message)
+            part.error(12, step.move.line, message)
         status = here if status is None else status

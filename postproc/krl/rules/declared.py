@@ -60,7 +60,7 @@ def declared(subject: Subject) -> None:
         used: set[str] = set()
         for part in subject.parts_of(module):
             part_known = known_data | own | _local_names(part)
-            found = _check_uses(subject, part, part_known, known_calls)
+            found = _check_uses(part, part_known, known_calls)
             used |= found.used
             missing += found.missing
         _unused_points(subject, module, used)
@@ -181,7 +181,7 @@ def _defined_by(statement: krl.Statement) -> set[str]:
     return set()
 
 
-def _check_uses(subject: Subject, part: Part, known: set[str], known_calls: set[str]) -> _Uses:
+def _check_uses(part: Part, known: set[str], known_calls: set[str]) -> _Uses:
     module = part.module
     external = {
         found.group(1).upper()
@@ -200,7 +200,7 @@ def _check_uses(subject: Subject, part: Part, known: set[str], known_calls: set[
             continue
         if is_call:
             ok = name in known_calls or name in external or name in known
-            ok = ok or subject.called(name, module) is not None
+            ok = ok or part.subject.called(name, module) is not None
         else:
             ok = name in known
         if not ok:

@@ -8,7 +8,7 @@ from itertools import chain
 
 from postproc.krl import text as krl
 from postproc.krl.rules.part import Part, bas, number
-from postproc.krl.rules.subject import ERROR, WARNING, Subject
+from postproc.krl.rules.subject import WARNING, Subject
 from postproc.records import dataclass
 
 _FORM = re.compile(r"\s*(S?PTP|S?LIN|S?CIRC)\s+([A-Za-z_]\w*)(.*?)(?:;\s*%\{|%\{|$)", re.IGNORECASE)
@@ -64,12 +64,11 @@ def forms(subject: Subject) -> None:
         for form in _forms(part):
             moves = [statement for statement in form.code if isinstance(statement, krl.Move)]
             if len(moves) != 1:
-                message = f"an inline form with {len(moves)} motions"
-                subject.add(23, WARNING, part.path, form.head.line, message)
+                part.warn(23, form.head.line, f"an inline form with {len(moves)} motions")
                 continue
-            _texts(subject, form, moves[0])
-            _frames(subject, form, moves[0])
-            _typed_in(subject, form)
+            _texts(form, moves[0])
+            _frames(form, moves[0])
+            _typed_in(form)
 
 
 def _forms(part: Part) -> Iterator[Form]:
@@ -92,7 +91,7 @@ def _is_form(text: str) -> bool:
     return bool(_FORM.match(text)) and ("Vel=" in text or "%MKUKATPBASIS" in text)
 
 
-def _texts(subject: Subject, form: Form, move: krl.Move) -> None:
+def _texts(form: Form, move: krl.Move) -> None:
     part, line = form.part, form.head.line
     visible = _FORM.match(form.head.text)
     if visible is None:
@@ -101,17 +100,15 @@ def _texts(subject: Subject, form: Form, move: krl.Move) -> None:
     if word.upper() != move.word.value:
         message = f"the form shows {word}, the code is {move.word.value}"
         goes_alike = word.upper().removeprefix("S") == move.word.value.removeprefix("S")
-        subject.add(23, WARNING if goes_alike else ERROR, part.path, line, message)
+        (part.warn if goes_alike else part.error)(23, line, message)
     target = move.target.text.upper() if isinstance(move.target, krl.Expr) else ""
     if not _same_point(target, name):
-        message = f"the form shows {name}, the code goes to {target or 'a literal'}"
-        subject.add(23, ERROR, part.path, line, message)
+        part.error(23, line, f"the form shows {name}, the code goes to {target or 'a literal'}")
     if bool(re.search(r"\bCONT\b", rest, re.IGNORECASE)) != bool(move.blend):
         shown = "CONT" if not move.blend else "no CONT"
-        message = f"the form shows {shown}, the code does not"
-        subject.add(23, ERROR, part.path, line, message)
-    _speed(subject, form, rest)
-    _parameters(subject, form, name, move)
+        part.error(23, line, f"the form shows {shown}, the code does not")
+    _speed(form, rest)
+    _parameters(form, name, move)
 
 
 def _same_point(a: str, b: str) -> bool:
@@ -119,7 +116,7 @@ def _same_point(a: str, b: str) -> bool:
     return a.upper().removeprefix("X") == b.upper().removeprefix("X")
 
 
-def _speed(subject: Subject, form: Form, rest: str) -> None:
+def _speed(form: Form, rest: str) -> None:
     shown = _SPEED.search(rest)
     if not shown:
         return
@@ -130,10 +127,10 @@ def _speed(subject: Subject, form: Form, rest: str) -> None:
         value = number(argument)
         if value is not None and abs(value - float(shown.group(1))) > 1e-6:
             message = f"the form shows Vel={shown.group(1)}, the code sets {value:g}"
-            subject.add(23, ERROR, form.part.path, statement.line, message)
+            form.part.error(23, statement.line, message)
 
 
-def _parameters(subject: Subject, form: Form, name: str, move: krl.Move) -> None:
+def _parameters(form: Form, name: str, move: krl.Move) -> None:
     """The ``%P`` data of forms up to KSS 8.5."""
     _, mark, data = form.head.text.partition("%P")
     if not mark:
@@ -141,21 +138,19 @@ def _parameters(subject: Subject, form: Form, name: str, move: krl.Move) -> None
     part, line = form.part, form.head.line
     point = _POINT_DATA.search(data)
     if point and not _same_point(point.group(1), name):
-        message = f"the form shows {name}, its parameters say {point.group(1)}"
-        subject.add(23, ERROR, part.path, line, message)
+        part.error(23, line, f"the form shows {name}, its parameters say {point.group(1)}")
     blend = _BLEND_DATA.search(data)
     if blend and bool(blend.group(1)) != bool(move.blend):
-        message = "parameters and code of the form differ in blending"
-        subject.add(23, ERROR, part.path, line, message)
+        part.error(23, line, "parameters and code of the form differ in blending")
     shown, stored = _SPEED.search(form.head.text), _SPEED_DATA.search(data)
     if shown and stored and abs(float(shown.group(1)) - float(stored.group(1))) > 1e-6:
         message = f"the form shows Vel={shown.group(1)}, its parameters say {stored.group(1)}"
-        subject.add(23, ERROR, part.path, line, message)
+        part.error(23, line, message)
 
 
-def _frames(subject: Subject, form: Form, move: krl.Move) -> None:
+def _frames(form: Form, move: krl.Move) -> None:
     """Tool and base as shown must be those of the frame data."""
-    fdat = _frame_data(subject, form, move)
+    fdat = _frame_data(form, move)
     if fdat is None:
         return
     for pattern, field in ((_TOOL, "TOOL_NO"), (_BASE, "BASE_NO")):
@@ -164,23 +159,23 @@ def _frames(subject: Subject, form: Form, move: krl.Move) -> None:
         if shown and stored is not None and int(shown.group(1)) != stored:
             what = field[:4].lower()
             message = f"the form shows {what} {shown.group(1)}, its frame data say {stored:g}"
-            subject.add(23, ERROR, form.part.path, form.head.line, message)
+            form.part.error(23, form.head.line, message)
 
 
-def _frame_data(subject: Subject, form: Form, move: krl.Move) -> krl.Aggregate | None:
+def _frame_data(form: Form, move: krl.Move) -> krl.Aggregate | None:
     module: krl.KrlModule = form.part.module
     names = [s.value for s in form.code if isinstance(s, krl.Assign) and s.target == "FDAT_ACT"]
     for setting in move.settings:
         if setting.target == "$TOOL" and isinstance(setting.value, krl.Expr):
             names.append(krl.Expr(setting.value.text.partition("(")[2].partition(")")[0].strip()))
     for name in names:
-        value = subject.value(name, module)
+        value = form.part.subject.value(name, module)
         if isinstance(value, krl.Aggregate):
             return value
     return None
 
 
-def _typed_in(subject: Subject, form: Form) -> None:
+def _typed_in(form: Form) -> None:
     for statement in form.code:
         ok = isinstance(statement, krl.Move)
         if isinstance(statement, krl.Assign):
@@ -189,4 +184,4 @@ def _typed_in(subject: Subject, form: Form) -> None:
             ok = statement.name.upper() in _FORM_CALLS
         if not ok:
             message = "a line typed into a form: the next touch-up deletes it"
-            subject.add(23, WARNING, form.part.path, statement.line, message)
+            form.part.warn(23, statement.line, message)

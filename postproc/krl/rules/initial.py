@@ -12,24 +12,21 @@ _FRAMES = frozenset({"FRAMES", "PTP_PARAMS", "CP_PARAMS"})
 def initialised(subject: Subject) -> None:
     """Row 9: INI once, in the main program only; then tool with its load, then base."""
     for part in subject.parts:
-        _ini_places(subject, part)
+        _ini_places(part)
     for module, routine in subject.entries():
         _main(subject, module, routine)
 
 
-def _ini_places(subject: Subject, part: Part) -> None:
+def _ini_places(part: Part) -> None:
     lines = [call.line for call in part.of(krl.Call) if bas(call)[0] == "INITMOV"]
     for line in lines[1:]:
-        subject.add(9, ERROR, part.path, line, f"INI appears twice in {part.routine.name}")
-    if lines and part.key in subject.called_routines:
-        subject.add(
-            9,
-            ERROR,
-            part.path,
-            lines[0],
+        part.error(9, line, f"INI appears twice in {part.routine.name}")
+    if lines and part.key in part.subject.called_routines:
+        text = (
             f"{part.routine.name} is called and has an INI: it resets tool and base and stops "
-            "the advance run",
+            "the advance run"
         )
+        part.error(9, lines[0], text)
 
 
 class _Setup:
@@ -110,8 +107,8 @@ def frame_numbers(subject: Subject) -> None:
                     _in_range(subject, part.path, statement.line, command, value)
                     active[command] = value
             elif isinstance(statement, krl.Assign) and statement.target.upper() == "FDAT_ACT":
-                _fdat(subject, part, statement, active)
-        _with_frames(subject, part)
+                _fdat(part, statement, active)
+        _with_frames(part)
     for module in subject.modules:
         if module.data is not None:
             for _, data, line in module.data.values():
@@ -139,28 +136,28 @@ def _fdat_range(subject: Subject, path: str, line: int, value: krl.Aggregate) ->
             _in_range(subject, path, line, what, found, soft_zero=True)
 
 
-def _fdat(subject: Subject, part: Part, statement: krl.Assign, active: dict[str, float]) -> None:
-    value = subject.value(statement.value, part.module)
+def _fdat(part: Part, statement: krl.Assign, active: dict[str, float]) -> None:
+    value = part.subject.value(statement.value, part.module)
     if not isinstance(value, krl.Aggregate):
         return
     if value is statement.value:
-        _fdat_range(subject, part.path, statement.line, value)
+        _fdat_range(part.subject, part.path, statement.line, value)
     for what in ("TOOL", "BASE"):
         found = number(value.get(f"{what}_NO"))
         if found is not None and active.get(what, found) != found:
             message = f"the form moves with {what.lower()} {found:g}, active is {active[what]:g}"
-            subject.add(10, ERROR, part.path, statement.line, message)
+            part.error(10, statement.line, message)
 
 
-def _with_frames(subject: Subject, part: Part) -> None:
+def _with_frames(part: Part) -> None:
     """Check the frame data that forms of KSS 8.6 name behind WITH."""
     for step in part.steps:
         for setting in step.move.settings:
             if setting.target in ("$TOOL", "$BASE") and isinstance(setting.value, krl.Expr):
                 name = setting.value.text.partition("(")[2].partition(")")[0].partition(".")[0]
-                value = subject.value(krl.Expr(name.strip()), part.module)
+                value = part.subject.value(krl.Expr(name.strip()), part.module)
                 if isinstance(value, krl.Aggregate):
-                    _fdat_range(subject, part.path, step.move.line, value)
+                    _fdat_range(part.subject, part.path, step.move.line, value)
 
 
 # --------------------------------------------------------------------------------- first motion
@@ -182,13 +179,13 @@ def first_motions(subject: Subject) -> None:
                     fresh, why = True, f"the first motion behind the call of {target[1].name}"
             elif isinstance(statement, krl.Move) and fresh:
                 fresh = False
-                _first(subject, part, statement, why, is_called)
+                _first(part, statement, why, is_called)
 
 
-def _first(subject: Subject, part: Part, move: krl.Move, why: str, is_called: bool) -> None:
+def _first(part: Part, move: krl.Move, why: str, is_called: bool) -> None:
     if not move.word.is_axis_motion:
         relative = move.word.is_relative and is_called
-        subject.add(
+        part.subject.add(
             11,
             WARNING if relative else ERROR,
             part.path,
@@ -197,17 +194,16 @@ def _first(subject: Subject, part: Part, move: krl.Move, why: str, is_called: bo
             hint="PTP with axis values first",
         )
         return
-    target = _known_target(subject, part.module, move.target)
+    target = _known_target(part.subject, part.module, move.target)
     if isinstance(target, krl.Axes) and not target.is_complete:
-        subject.add(11, ERROR, part.path, move.line, f"{why} does not say all six axes")
+        part.error(11, move.line, f"{why} does not say all six axes")
     elif isinstance(target, krl.Pose):
         missing = not target.is_complete or target.status is None or target.turn is None
         if missing:
             message = f"{why} does not say X to C with S and T: the arm's pose is not fixed"
-            subject.add(11, ERROR, part.path, move.line, message)
+            part.error(11, move.line, message)
     elif isinstance(target, str) and "AXIS_ACT" in target.upper():
-        message = f"{why} goes to where the robot stands: the BCO run is skipped"
-        subject.add(11, WARNING, part.path, move.line, message)
+        part.warn(11, move.line, f"{why} goes to where the robot stands: the BCO run is skipped")
 
 
 def _known_target(

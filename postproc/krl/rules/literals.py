@@ -35,8 +35,7 @@ def literals(subject: Subject) -> None:
         for statement in part.of(krl.WaitSec):
             seconds = number(statement.seconds)
             if seconds is not None and seconds < 0.0:
-                message = f"WAIT SEC {seconds:g}: expected at least 0"
-                subject.add(7, ERROR, part.path, statement.line, message)
+                part.error(7, statement.line, f"WAIT SEC {seconds:g}: expected at least 0")
     points = subject.points
     large = (np.abs(points.numbers) > _LARGEST).any(axis=1)
     passed = np.zeros(len(subject.written), dtype=np.bool_)
@@ -92,8 +91,7 @@ def _sizes(subject: Subject, path: str, line: int, value: krl.Pose | krl.Axes) -
         numbers = [found for _, found in krl.components(value)]
     for found in numbers:
         if abs(found) > _LARGEST:
-            message = f"{found:g} is no coordinate of a robot"
-            subject.add(7, WARNING, path, line, message)
+            subject.add(7, WARNING, path, line, f"{found:g} is no coordinate of a robot")
             return
 
 
@@ -126,8 +124,7 @@ def _facts(subject: Subject, facts: krl.TextFacts, forms: set[int]) -> None:
         severity = WARNING if in_comment else ERROR
         subject.add(8, severity, path, line, "a character that is not ASCII")
     if facts.lf and facts.crlf:
-        message = f"{facts.lf} lines end with LF, {facts.crlf} with CR LF"
-        subject.add(8, WARNING, path, 1, message)
+        subject.add(8, WARNING, path, 1, f"{facts.lf} lines end with LF, {facts.crlf} with CR LF")
     elif facts.lf:
         subject.add(8, WARNING, path, 1, "lines end with LF, controllers write CR LF")
     if not facts.ends_with_newline:

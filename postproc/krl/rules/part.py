@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import field
 from itertools import chain
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
+from postproc.errors import Severity
 from postproc.krl import text as krl
 from postproc.krl.rules.values import PLAIN
 from postproc.records import record
+
+if TYPE_CHECKING:
+    from postproc.krl.rules.subject import Subject
 
 _S = TypeVar("_S", bound=krl.Statement)
 _TEXTS = frozenset({krl.Comment, krl.Blank, krl.FoldBegin, krl.FoldEnd})
@@ -54,8 +58,7 @@ class Part:
 
     module: krl.KrlModule
     routine: krl.Routine
-    point: Callable[[krl.Value | None, krl.KrlModule], krl.Pose | krl.Axes | None]
-    """What finds the point that a target of a module names."""
+    subject: Subject
 
     @property
     def path(self) -> str:
@@ -85,7 +88,7 @@ class Part:
 
     def __post_init__(self) -> None:
         """Sort the statements by kind, and find the motions."""
-        statements, point = self.routine.statements, self.point
+        statements, point = self.routine.statements, self.subject.point
         self._places = defaultdict(list)
         for index, kind in enumerate(map(type, statements)):
             self._places[kind].append(index)
@@ -100,6 +103,14 @@ class Part:
         self.in_block = frozenset(self._within_blocks())
         self.telling = list(_telling(statements))
         self.different = list(_different(self.telling))
+
+    def error(self, row: int, line: int, message: str, hint: str = "") -> None:
+        """Add an error of a row of the table."""
+        self.subject.add(row, Severity.ERROR, self.path, line, message, hint)
+
+    def warn(self, row: int, line: int, message: str, hint: str = "") -> None:
+        """Add a warning of a row of the table."""
+        self.subject.add(row, Severity.WARNING, self.path, line, message, hint)
 
     def _within_blocks(self) -> Iterator[int]:
         if not self._places[krl.SplineBegin]:

@@ -58,13 +58,11 @@ def _spindle(subject: Subject, module: krl.KrlModule, routine: krl.Routine) -> N
             continue
         if _ON.search(name):
             if state.cut is not None:
-                message = "a cut at feed speed while the spindle stands"
-                subject.add(21, WARNING, *state.cut, message)
+                subject.add(21, WARNING, *state.cut, "a cut at feed speed while the spindle stands")
             state.on, state.used, state.cut = place, True, None
         elif _OFF.search(name):
             if not state.used:
-                message = "the spindle is switched off and was never on"
-                subject.add(21, WARNING, *place, message)
+                subject.add(21, WARNING, *place, "the spindle is switched off and was never on")
             state.may_leave = state.on is not None
             state.on, state.used, state.cut = None, True, None
     if state.on is not None:
@@ -102,59 +100,53 @@ def triggers(subject: Subject) -> None:
     for part in subject.parts:
         statements = part.routine.statements
         for index in part.places(krl.Trigger):
-            _trigger(subject, part, statements[index], islice(statements, index + 1, None))  # type: ignore[arg-type]
-        _interrupts(subject, part, declared, part.key in programs)
-        _brakes(subject, part, part.key in programs)
+            _trigger(part, statements[index], islice(statements, index + 1, None))  # type: ignore[arg-type]
+        _interrupts(part, declared, part.key in programs)
+        _brakes(part, part.key in programs)
 
 
-def _trigger(
-    subject: Subject, part: Part, trigger: krl.Trigger, behind: Iterator[krl.Statement]
-) -> None:
-    stop = next((s for s in behind if _ends_search(subject, part, s)), None)
+def _trigger(part: Part, trigger: krl.Trigger, behind: Iterator[krl.Statement]) -> None:
+    stop = next((s for s in behind if _ends_search(part, s)), None)
     following = stop if isinstance(stop, krl.Move) else None
     line = trigger.line
-    if isinstance(stop, _BLOCKING) or (stop is None and part.key not in subject.called_routines):
-        subject.add(22, WARNING, part.path, line, "a TRIGGER without a motion behind it")
+    if isinstance(stop, _BLOCKING) or (
+        stop is None and part.key not in part.subject.called_routines
+    ):
+        part.warn(22, line, "a TRIGGER without a motion behind it")
     elif following is None:
         pass  # the motion stands in another routine or on one of several ways
     elif trigger.word == "PATH" and following.word.is_axis_motion and not following.word.is_spline:
         message = f"TRIGGER WHEN PATH before a {following.word.value}: it needs a path motion"
-        subject.add(22, WARNING, part.path, line, message)
+        part.warn(22, line, message)
     if trigger.word == "DISTANCE" and number(trigger.where) not in (0.0, 1.0, None):
-        message = "TRIGGER WHEN DISTANCE: 0 is the start of the motion, 1 its end"
-        subject.add(22, WARNING, part.path, line, message)
+        part.warn(22, line, "TRIGGER WHEN DISTANCE: 0 is the start of the motion, 1 its end")
     if isinstance(trigger.action, krl.Call) and trigger.priority is None:
         message = "a TRIGGER that calls a routine needs PRIO"
-        subject.add(22, ERROR, part.path, line, message, hint="PRIO=-1: the controller chooses")
-    _priority(subject, part, line, "PRIO", number(trigger.priority), lowest=-1)
+        part.error(22, line, message, hint="PRIO=-1: the controller chooses")
+    _priority(part, line, "PRIO", number(trigger.priority), lowest=-1)
 
 
-def _ends_search(subject: Subject, part: Part, statement: krl.Statement) -> bool:
+def _ends_search(part: Part, statement: krl.Statement) -> bool:
     """Whether a statement behind a trigger decides about it, or lets nobody tell."""
     if isinstance(statement, krl.Call):
-        target = subject.called(statement.name, part.module)
-        return target is not None and key_of(*target) in subject.moving
+        target = part.subject.called(statement.name, part.module)
+        return target is not None and key_of(*target) in part.subject.moving
     return isinstance(statement, (krl.Move, krl.SplineBegin, krl.Control, *_BLOCKING))
 
 
-def _priority(
-    subject: Subject, part: Part, line: int, what: str, value: float | None, lowest: int = 1
-) -> None:
+def _priority(part: Part, line: int, what: str, value: float | None, lowest: int = 1) -> None:
     """Report a priority that there is not, or that the controller gives itself."""
     if value is None or value == lowest:
         return
     if not 1 <= value <= MOST_PRIORITY or value % 1:
-        message = f"{what} {value:g}, expected a whole number from 1 to {MOST_PRIORITY}"
-        subject.add(22, ERROR, part.path, line, message)
+        part.error(22, line, f"{what} {value:g}, expected a whole number from 1 to {MOST_PRIORITY}")
     elif value in OWN_PRIORITIES:
         first, last = OWN_PRIORITIES[0], OWN_PRIORITIES[-1]
         message = f"{what} {value:g}: {first} to {last} are those that the controller gives itself"
-        subject.add(22, WARNING, part.path, line, message)
+        part.warn(22, line, message)
 
 
-def _interrupts(
-    subject: Subject, part: Part, declared: Set[float | None], is_program: bool
-) -> None:
+def _interrupts(part: Part, declared: Set[float | None], is_program: bool) -> None:
     seen: dict[float, int] = {}
     for statement in part.of(krl.Interrupt):
         value = number(statement.number)
@@ -165,26 +157,24 @@ def _interrupts(
             if is_on and value not in declared and value != 3:
                 message = f"INTERRUPT {statement.word} {value:g}: none of that number is declared"
                 severity = ERROR if is_program else WARNING
-                subject.add(22, severity, part.path, statement.line, message)
+                part.subject.add(22, severity, part.path, statement.line, message)
             continue
-        _priority(subject, part, statement.line, "INTERRUPT DECL", value)
+        _priority(part, statement.line, "INTERRUPT DECL", value)
         action = statement.action
         stop = isinstance(action, krl.Call) and action.name.upper() == "IR_STOPM"
         if value == 3 and not stop:
-            message = "interrupt 3 belongs to the stop message of the INI"
-            subject.add(22, WARNING, part.path, statement.line, message)
+            part.warn(22, statement.line, "interrupt 3 belongs to the stop message of the INI")
         if value in seen:
-            message = f"interrupt {value:g} was declared in line {seen[value]}"
-            subject.add(22, WARNING, part.path, statement.line, message)
+            part.warn(22, statement.line, f"interrupt {value:g} was declared in line {seen[value]}")
         seen[value] = statement.line
 
 
-def _brakes(subject: Subject, part: Part, is_program: bool) -> None:
+def _brakes(part: Part, is_program: bool) -> None:
     """BRAKE and RESUME stand in the routine of an interrupt: a program that has them stops."""
     for statement in part.of(krl.Control) if is_program else ():
         if statement.word in ("BRAKE", "RESUME"):
             message = f"{statement.word} in a program: it stands in the routine of an interrupt"
-            subject.add(22, ERROR, part.path, statement.line, message)
+            part.error(22, statement.line, message)
 
 
 def _programs(subject: Subject) -> Set[RoutineKey]:

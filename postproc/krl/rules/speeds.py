@@ -39,9 +39,9 @@ def speeds(subject: Subject) -> None:
     """Rows 15 to 17: all settings that stand in the text."""
     for part in subject.parts:
         subject.each(part, partial(_speeds, subject, part.path))
-        _blend_lengths(subject, part)
-        _without_advance(subject, part)
-        _blends_of_nothing(subject, part)
+        _blend_lengths(part)
+        _without_advance(part)
+        _blends_of_nothing(part)
     for module in subject.modules:
         for statement in module.data.statements if module.data is not None else ():
             if isinstance(statement, Declaration):
@@ -90,8 +90,7 @@ def _setting(subject: Subject, path: str, line: int, name: str, value: Value) ->
         _path_speed(subject, path, line, found, by_bas=False)
     elif not variable.takes(found):
         unit = f" {variable.unit}" if variable.unit else ""
-        message = f"{name} {found:g}{unit}, expected {variable.expected}"
-        subject.add(row, ERROR, path, line, message)
+        subject.add(row, ERROR, path, line, f"{name} {found:g}{unit}, expected {variable.expected}")
 
 
 def _path_speed(subject: Subject, path: str, line: int, value: float, *, by_bas: bool) -> None:
@@ -144,7 +143,7 @@ def _motion_data(subject: Subject, path: str, statement: Declaration) -> None:
 # ------------------------------------------------------------------------------------ blending
 
 
-def _blend_lengths(subject: Subject, part: Part) -> None:
+def _blend_lengths(part: Part) -> None:
     """Row 17: $APO.CDIS beyond half of the shorter neighbouring segment is cut short."""
     if len(part.steps) < 3:
         return
@@ -161,7 +160,7 @@ def _blend_lengths(subject: Subject, part: Part) -> None:
             f"$APO.CDIS is longer than half of a neighbouring segment at {len(rows)} points: "
             "the controller cuts it"
         )
-        subject.add(17, WARNING, part.path, first, message)
+        part.warn(17, first, message)
 
 
 def _in_force(part: Part, variable: str) -> FloatArray:
@@ -182,7 +181,7 @@ def _in_force(part: Part, variable: str) -> FloatArray:
     return part.in_force(changes)
 
 
-def _blends_of_nothing(subject: Subject, part: Part) -> None:
+def _blends_of_nothing(part: Part) -> None:
     """Row 17: where approximation begins at 0, every point is an exact stop."""
     for variable, words in _BLENDS.items():
         for place in np.flatnonzero(_in_force(part, variable) == 0.0).tolist():
@@ -190,11 +189,11 @@ def _blends_of_nothing(subject: Subject, part: Part) -> None:
             own = [i for i in move.settings if i.target.upper().startswith("$APO")]
             if not own and move.blend and move.blend[-1] in words:
                 message = f"{move.blend[-1]} with {variable} 0: every point is an exact stop"
-                subject.add(17, WARNING, part.path, move.line, message)
+                part.warn(17, move.line, message)
                 break
 
 
-def _without_advance(subject: Subject, part: Part) -> None:
+def _without_advance(part: Part) -> None:
     """Row 17: with $ADVANCE 0 nothing is blended."""
     advance: float | None = None
     settings = [item for item in part.of(Assign) if item.target == "$ADVANCE"]
@@ -205,5 +204,5 @@ def _without_advance(subject: Subject, part: Part) -> None:
             advance = number(statement.value)
         elif isinstance(statement, Move) and statement.blend and advance == 0:
             message = f"{statement.blend[0]} with $ADVANCE 0: every point is an exact stop"
-            subject.add(17, WARNING, part.path, statement.line, message)
+            part.warn(17, statement.line, message)
             return

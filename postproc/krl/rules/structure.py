@@ -43,23 +43,23 @@ def blocks(subject: Subject) -> None:
             if not routine.is_closed:
                 message = f"{routine.name} has no END: the file is cut off or END is missing"
                 subject.add(2, ERROR, module.src_path, routine.end_line, message)
-            _balance(subject, part)
+            _balance(part)
         if module.data is not None and not module.data.is_closed:
             message = f"{module.data.name} has no ENDDAT"
             subject.add(2, ERROR, module.dat_path, module.data.end_line, message)
 
 
-def _balance(subject: Subject, part: Part) -> None:
+def _balance(part: Part) -> None:
     module, stack = part.module, list[tuple[str, int]]()
     for statement in part.of_kinds(krl.SplineBegin, krl.SplineEnd, krl.Control):
         if isinstance(statement, krl.SplineBegin):
             stack.append(("SPLINE", statement.line))
         elif isinstance(statement, krl.SplineEnd):
-            _close(subject, module, stack, "SPLINE", "ENDSPLINE", statement.line)
+            _close(part.subject, module, stack, "SPLINE", "ENDSPLINE", statement.line)
         elif isinstance(statement, krl.Control):
-            _control(subject, module, stack, statement)
+            _control(part.subject, module, stack, statement)
     for word, line in stack:
-        subject.add(2, ERROR, module.src_path, line, f"{word} is never closed")
+        part.subject.add(2, ERROR, module.src_path, line, f"{word} is never closed")
 
 
 def _control(
@@ -95,12 +95,12 @@ def declarations(subject: Subject) -> None:
     """Row 6: in a .src declarations come first and have no value; in a .dat both in one line."""
     for module in subject.modules:
         for part in subject.parts_of(module):
-            _routine_declarations(subject, part)
+            _routine_declarations(part)
         if module.data is not None:
             _data_lines(subject, module, module.data)
 
 
-def _routine_declarations(subject: Subject, part: Part) -> None:
+def _routine_declarations(part: Part) -> None:
     module, routine, statements = part.module, part.routine, part.routine.statements
     instructions = (
         i for i, s in enumerate(statements) if not (isinstance(s, _QUIET) or _declares(s))
@@ -110,11 +110,11 @@ def _routine_declarations(subject: Subject, part: Part) -> None:
         statement = statements[index]
         if index > first and _declares(statement):
             message = f"a declaration behind the first instruction (line {statements[first].line})"
-            subject.add(6, ERROR, module.src_path, statement.line, message)
+            part.subject.add(6, ERROR, module.src_path, statement.line, message)
         for variable in statement.variables if isinstance(statement, krl.Declaration) else ():
-            _sized(subject, module, routine, statement.line, variable)
+            _sized(part.subject, module, routine, statement.line, variable)
             if variable.value is not None:
-                subject.add(
+                part.subject.add(
                     6,
                     ERROR,
                     module.src_path,
@@ -132,8 +132,7 @@ def _sized(
     if variable.dimension is None or variable.dimension.strip(" ,"):
         return
     if all(parameter.name.upper() != name for parameter in routine.parameters):
-        message = f"{variable.name} is an array without a size"
-        subject.add(6, ERROR, module.src_path, line, message)
+        subject.add(6, ERROR, module.src_path, line, f"{variable.name} is an array without a size")
 
 
 def _declares(statement: krl.Statement) -> bool:
@@ -149,8 +148,7 @@ def _data_lines(subject: Subject, module: krl.KrlModule, data: krl.DataList) -> 
                 message = f"{statement.target}: declaration and value belong on one line"
                 subject.add(6, ERROR, module.dat_path, statement.line, message)
         elif not isinstance(statement, (*_QUIET, *_DATA)):
-            message = "an instruction in a data list"
-            subject.add(6, ERROR, module.dat_path, statement.line, message)
+            subject.add(6, ERROR, module.dat_path, statement.line, "an instruction in a data list")
 
 
 def labels(subject: Subject) -> None:
@@ -164,9 +162,9 @@ def labels(subject: Subject) -> None:
                 continue
             if name in lines:
                 message = f"label {label.text} stands in line {lines[name]} already"
-                subject.add(29, ERROR, part.path, label.line, message)
+                part.error(29, label.line, message)
             lines.setdefault(name, label.line)
         for jump in controls:
             if jump.word == "GOTO" and jump.text.upper() not in lines:
                 message = f"GOTO {jump.text}: {part.routine.name} has no such label"
-                subject.add(29, ERROR, part.path, jump.line, message)
+                part.error(29, jump.line, message)

@@ -117,11 +117,7 @@ class Subject:
     @cached_property
     def parts(self) -> tuple[Part, ...]:
         """All routines."""
-        return tuple(
-            Part(module, routine, self.point)
-            for module in self.modules
-            for routine in module.routines
-        )
+        return tuple(Part(m, routine, self) for m in self.modules for routine in m.routines)
 
     @cached_property
     def _parts_of(self) -> dict[int, tuple[Part, ...]]:

@@ -9,7 +9,7 @@ from functools import partial
 from postproc.krl.rules.expressions import nodes_of, settings_of
 from postproc.krl.rules.part import Part, bas
 from postproc.krl.rules.scope import declared_names
-from postproc.krl.rules.subject import ERROR, WARNING, Subject
+from postproc.krl.rules.subject import Subject
 from postproc.krl.rules.values import nearest
 from postproc.krl.system import Effect, bas_commands, components_of, system_variable
 from postproc.krl.system import system_variables as listed_variables
@@ -26,27 +26,25 @@ def system_variables(subject: Subject) -> None:
     commands = subject.scope.enumerations.get("BAS_COMMAND") or bas_commands()
     told: set[tuple[str, str]] = set()
     for part in subject.parts:
-        subject.each(part, partial(_variables, subject, part, known, told))
+        subject.each(part, partial(_variables, part, known, told))
         for call in part.calls:
-            _command(subject, part, call, commands)
+            _command(part, call, commands)
 
 
 def _variables(
-    subject: Subject,
     part: Part,
     known: Collection[str],
     told: set[tuple[str, str]],
     statement: Statement,
 ) -> None:
     for item in settings_of(statement):
-        _set(subject, part, statement.line, item)
+        _set(part, statement.line, item)
     for node in nodes_of(statement, "$"):
         if isinstance(node, Reference) and node.name.startswith("$"):
-            _exists(subject, part, statement.line, node, known, told)
+            _exists(part, statement.line, node, known, told)
 
 
 def _exists(
-    subject: Subject,
     part: Part,
     line: int,
     node: Reference,
@@ -57,50 +55,44 @@ def _exists(
     if name not in known:
         near = nearest(name, known, counts_digits=False)
         if near:
-            message = f"no system variable {name}"
-            subject.add(30, ERROR, part.path, line, message, hint=f"{near} is meant")
+            part.error(30, line, f"no system variable {name}", hint=f"{near} is meant")
         elif (part.path, name) not in told:
-            message = f"{name} is no known system variable: an option must bring it"
-            subject.add(30, WARNING, part.path, line, message)
+            part.warn(30, line, f"{name} is no known system variable: an option must bring it")
         told.add((part.path, name))
         return
     variable = listed_variables().get(name)
     is_array = variable is not None and variable.size is not None
     if is_array and node.selectors and node.selectors[0] == (0,):
-        subject.add(30, ERROR, part.path, line, f"{name}[0]: the first index is 1")
+        part.error(30, line, f"{name}[0]: the first index is 1")
     components = components_of().get(name, frozenset())
     first = node.selectors[0] if node.selectors else ()
     if components and isinstance(first, str) and first not in components:
         expected = ", ".join(sorted(components))
-        message = f"{name} has no component {first}, expected {expected}"
-        subject.add(30, ERROR, part.path, line, message)
+        part.error(30, line, f"{name} has no component {first}, expected {expected}")
 
 
-def _set(subject: Subject, part: Part, line: int, item: Assign) -> None:
+def _set(part: Part, line: int, item: Assign) -> None:
     found = _BASE_NAME.match(item.target)
     name = found.group().upper() if found else ""
     variable = system_variable(name)
     if variable is not None and variable.effect is Effect.READ_ONLY:
-        subject.add(30, ERROR, part.path, line, f"{name} is read only")
+        part.error(30, line, f"{name} is read only")
     if variable is not None and variable.constants:
         if isinstance(item.value, Enum):
-            _constant(subject, part, line, name, item.value.name, variable.constants)
+            _constant(part, line, name, item.value.name, variable.constants)
         elif not isinstance(item.value, Expr):
             expected = ", #".join(sorted(variable.constants))
-            message = f"{name} takes one of its constants, expected #{expected}"
-            subject.add(30, ERROR, part.path, line, message)
+            part.error(30, line, f"{name} takes one of its constants, expected #{expected}")
 
 
-def _command(subject: Subject, part: Part, call: Call, commands: Collection[str]) -> None:
+def _command(part: Part, call: Call, commands: Collection[str]) -> None:
     command, _ = bas(call)
     if command:
-        _constant(subject, part, call.line, "BAS", command, commands)
+        _constant(part, call.line, "BAS", command, commands)
 
 
-def _constant(
-    subject: Subject, part: Part, line: int, name: str, constant: str, known: Collection[str]
-) -> None:
+def _constant(part: Part, line: int, name: str, constant: str, known: Collection[str]) -> None:
     if constant.upper() not in known:
         near = nearest(constant.upper(), known)
         hint = f"#{near} is meant" if near else f"expected #{', #'.join(sorted(known))}"
-        subject.add(30, ERROR, part.path, line, f"{name} knows no #{constant}", hint)
+        part.error(30, line, f"{name} knows no #{constant}", hint)

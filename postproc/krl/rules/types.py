@@ -75,8 +75,7 @@ def _value(
     elif isinstance(value, krl.Pose | krl.Axes) and wanted.name in COMPONENTS:
         unknown = [c for c in names_of(value) if c not in COMPONENTS[wanted.name]]
         if unknown:
-            message = f"{wanted.name} has no component {unknown[0]}"
-            subject.add(7, ERROR, path, line, message)
+            subject.add(7, ERROR, path, line, f"{wanted.name} has no component {unknown[0]}")
 
 
 def _target(subject: Subject, path: str, place: Place, move: krl.Move) -> None:

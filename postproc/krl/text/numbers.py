@@ -48,10 +48,8 @@ def nonzero(value: float, digits: int, what: str) -> str:
     """
     text = real(value, digits)
     if value != 0.0 and float(text) == 0.0:
-        raise KrlError(
-            "KRL902",
-            f"{what} {value!r} would be written as {text}, expected at least {10**-digits:g}",
-        )
+        message = f"{what} {value!r} would be written as {text}, expected at least {10**-digits:g}"
+        raise KrlError("KRL902", message)
     return text
 
 

@@ -149,11 +149,8 @@ def require_sound(modules: Sequence[krl.KrlModule]) -> None:
         for block in blocks:
             if not block.is_closed:
                 path = module.dat_path if isinstance(block, krl.DataList) else module.src_path
-                raise KrlError(
-                    "KRL006",
-                    f"{block.name} has no end, expected END or ENDDAT: the file is cut off",
-                    SourceRef(path, block.end_line),
-                )
+                text = f"{block.name} has no end, expected END or ENDDAT: the file is cut off"
+                raise KrlError("KRL006", text, SourceRef(path, block.end_line))
 
 
 def with_partners(paths: Sequence[str]) -> list[str]:
@@ -226,11 +223,8 @@ def _read(data: bytes, path: str) -> _Part:
     if not any(isinstance(block, wanted) for block in part.blocks):
         first = part.problems[0].source if part.problems else None
         what = "DEFDAT" if wanted is krl.DataList else "DEF"
-        raise KrlError(
-            "KRL005",
-            f"no {what} line in the file, expected a KRL module",
-            first or SourceRef(path),
-        )
+        text = f"no {what} line in the file, expected a KRL module"
+        raise KrlError("KRL005", text, first or SourceRef(path))
     return part
 
 

@@ -74,11 +74,8 @@ def decode(data: bytes, path: str) -> tuple[list[str], TextFacts]:
         )
     if long_lines and max(length for _, length in long_lines) > MAX_LINE:
         worst = max(long_lines, key=lambda item: item[1])
-        raise KrlError(
-            "KRL001",
-            f"a line of {worst[1]} characters, expected KRL text (at most {MAX_LINE})",
-            SourceRef(path, worst[0]),
-        )
+        message = f"a line of {worst[1]} characters, expected KRL text (at most {MAX_LINE})"
+        raise KrlError("KRL001", message, SourceRef(path, worst[0]))
     facts = TextFacts(
         path=path,
         size=len(data),
@@ -100,11 +97,8 @@ def check_size(size: int, path: str) -> None:
         KrlError: KRL003 if it is too large.
     """
     if size > MAX_BYTES:
-        raise KrlError(
-            "KRL003",
-            f"{size} bytes is no robot program, expected at most {MAX_BYTES}",
-            SourceRef(path),
-        )
+        text = f"{size} bytes is no robot program, expected at most {MAX_BYTES}"
+        raise KrlError("KRL003", text, SourceRef(path))
 
 
 def _refuse_binary(data: bytes, path: str) -> None:
@@ -117,11 +111,8 @@ def _refuse_binary(data: bytes, path: str) -> None:
     found = next(filter(_is_code, _CONTROL.finditer(data.rstrip(b"\x1a"))), None)
     if found:
         line = data.count(b"\n", 0, found.start()) + 1
-        raise KrlError(
-            "KRL001",
-            f"byte 0x{found.group()[0]:02X}: a binary file, expected KRL text",
-            SourceRef(path, line),
-        )
+        text = f"byte 0x{found.group()[0]:02X}: a binary file, expected KRL text"
+        raise KrlError("KRL001", text, SourceRef(path, line))
 
 
 def _is_code(found: re.Match[bytes]) -> bool:
