@@ -45,11 +45,8 @@ def edited_cell(cell: Cell, changes: Mapping[Location, object], output: str | Pa
         DataError: CEL042 if a value cannot stand there.
     """
     if not Path(cell.path).is_file():
-        raise CellError(
-            "CEL040",
-            "the cell was not read from a file, so none can be changed",
-            SourceRef(cell.path),
-        )
+        message = "the cell was not read from a file, so none can be changed"
+        raise CellError("CEL040", message, SourceRef(cell.path))
     raw = read_bytes(cell.path)
     toml = cell_toml(cell)
     text = edited("\n".join(toml.text), {**_moved(cell, toml.data, Path(output)), **changes})

@@ -237,12 +237,11 @@ class _Builder:
             outside = np.flatnonzero((motion.home < robot.q_min) | (motion.home > robot.q_max))
             for axis in outside[:1]:
                 low, high = robot.q_min[axis] / DEG, robot.q_max[axis] / DEG
-                raise CellError(
-                    "CEL004",
+                text = (
                     f"motion.home_deg: A{axis + 1} = {motion.home[axis] / DEG:g} is outside the "
-                    f"robot's limits, expected {low:g} to {high:g}",
-                    self.toml.source(("motion", "home_deg")),
+                    f"robot's limits, expected {low:g} to {high:g}"
                 )
+                raise CellError("CEL004", text, self.toml.source(("motion", "home_deg")))
         return motion
 
     def _krl(self) -> KrlOptions:
@@ -256,12 +255,11 @@ class _Builder:
         if Path(name).name == name and (templates_folder() / name).is_dir():
             return name
         if not (self.folder / name).is_dir():
-            raise CellError(
-                "CEL005",
+            text = (
                 f"krl.template: neither a built-in template nor a folder beside the cell file is "
-                f"named {name!r}",
-                self.toml.source(("krl", "template")),
+                f"named {name!r}"
             )
+            raise CellError("CEL005", text, self.toml.source(("krl", "template")))
         return str((self.folder / name).absolute())
 
     def _solids(
@@ -279,11 +277,8 @@ class _Builder:
     def _path(self, name: str, at: Location) -> Path:
         path = self.folder / name
         if not path.is_file():
-            raise CellError(
-                "CEL005",
-                f"{dotted(at)}: no such file {name!r} beside the cell file",
-                self.toml.source(at),
-            )
+            text = f"{dotted(at)}: no such file {name!r} beside the cell file"
+            raise CellError("CEL005", text, self.toml.source(at))
         return path
 
 

@@ -175,13 +175,11 @@ def missing_numbers(cell: Cell) -> CellError | None:
 
 def _missing(cell: Cell, what: str, key: str, variables: str, why: str = "") -> CellError:
     reason = why or f"no source gives the {what} of {cell.robot.name}"
-    return CellError(
-        "CEL030",
-        f"{reason}: [robot] {key} is needed",
-        SourceRef(cell.path),
+    text = (
         f"from the data sheet, or from the controller ({variables} of $machine.dat): "
-        "postproc new-cell --backup reads it",
+        "postproc new-cell --backup reads it"
     )
+    return CellError("CEL030", f"{reason}: [robot] {key} is needed", SourceRef(cell.path), text)
 
 
 def assumed_acceleration(speed: FloatArray) -> tuple[FloatArray, Origin]:

@@ -540,8 +540,7 @@ class Interpreter:
         if math.isnan(number):
             self.unjudged("WAIT SEC", "the waiting time is not known here")
         elif number > MAX_WAIT:
-            text = f"a wait of {number:g} s, expected at most {MAX_WAIT:g} s"
-            self.finding(RunKind.WAIT, text)
+            self.finding(RunKind.WAIT, f"a wait of {number:g} s, expected at most {MAX_WAIT:g} s")
         self._stand(EventWord.DWELL, "WAIT SEC", number)
 
     def _wait_for(self, statement: krl.WaitFor) -> None:

@@ -26,6 +26,7 @@ from postproc.cell.schema.table import (
     Text,
     ToolSolid,
     Vector,
+    entry,
     key,
 )
 from postproc.records import dataclass
@@ -37,41 +38,36 @@ ALONG_Z: Any = {"axis": "+z"}
 class CutterTable(Table):
     """The solid of a cutter: a cylinder from the TCP back against the tool axis."""
 
-    diameter_mm: Positive = Field(description="diameter [mm]")
-    length_mm: Positive = Field(description="length from the TCP to the holder [mm]")
+    diameter_mm: Positive = entry(..., "diameter [mm]")
+    length_mm: Positive = entry(..., "length from the TCP to the holder [mm]")
 
 
 class ToolTable(Table):
     """A tool on the flange."""
 
-    number: Annotated[int, Field(ge=1, le=128)] = Field(default=1, description="KUKA TOOL number")
-    name: Text = Field(default="tool", description="name of the tool")
-    cam: CamNames = Field(
-        default=[],
-        description="numbers and names by which CAM files call this tool; each suffices",
-    )
-    frame: Placement = Field(
-        default=Placement(), description="TCP in the flange, as in KUKA's TOOL_DATA"
-    )
-    axis: AxisName | None = Field(
-        default=None,
-        description="axis of the TCP frame that points out of the tool into the part; without it "
+    number: Annotated[int, Field(ge=1, le=128)] = entry(1, "KUKA TOOL number")
+    name: Text = entry("tool", "name of the tool")
+    cam: CamNames = entry([], "numbers and names by which CAM files call this tool; each suffices")
+    frame: Placement = entry(Placement(), "TCP in the flange, as in KUKA's TOOL_DATA")
+    axis: AxisName | None = entry(
+        None,
+        "axis of the TCP frame that points out of the tool into the part; without it "
         "no job can use the tool",
     )
-    mass_kg: NotNegative | None = Field(default=None, description="mass of the tool [kg]")
-    cog_mm: Vector | None = Field(default=None, description="centre of gravity in the flange [mm]")
-    inertia_kg_m2: Annotated[list[NotNegative], Field(min_length=3, max_length=3)] | None = Field(
-        default=None, description="principal inertia of the tool for LOAD_DATA [kg*m^2]"
+    mass_kg: NotNegative | None = entry(None, "mass of the tool [kg]")
+    cog_mm: Vector | None = entry(None, "centre of gravity in the flange [mm]")
+    inertia_kg_m2: Annotated[list[NotNegative], Field(min_length=3, max_length=3)] | None = entry(
+        None, "principal inertia of the tool for LOAD_DATA [kg*m^2]"
     )
-    meshes: list[ToolSolid] = Field(default=[], description="solids of the tool, in the flange")
-    cutter: CutterTable | None = Field(
-        default=None,
-        description="solid of the cutter, which may touch the workpiece during a cut: a cylinder "
+    meshes: list[ToolSolid] = entry([], "solids of the tool, in the flange")
+    cutter: CutterTable | None = entry(
+        None,
+        "solid of the cutter, which may touch the workpiece during a cut: a cylinder "
         "from the TCP back against the tool axis",
     )
-    spindle: Literal["cw", "ccw"] = Field(
-        default="cw",
-        description="which way the tool cuts, seen from the spindle towards the tool; a CAM file "
+    spindle: Literal["cw", "ccw"] = entry(
+        "cw",
+        "which way the tool cuts, seen from the spindle towards the tool; a CAM file "
         "that turns it the other way is refused",
     )
 
@@ -79,9 +75,9 @@ class ToolTable(Table):
 class ToolEntry(ToolTable):
     """One of several tools."""
 
-    stand: Placement | None = Field(
-        default=None,
-        description="where the flange of the tool is in the world while it is not mounted; its "
+    stand: Placement | None = entry(
+        None,
+        "where the flange of the tool is in the world while it is not mounted; its "
         "solids are obstacles there; without it they are not looked at",
     )
 
@@ -134,55 +130,50 @@ class Reading(Options):
 class WorkpieceTable(Table):
     """A workpiece."""
 
-    number: Annotated[int, Field(ge=1, le=128)] = Field(default=1, description="KUKA BASE number")
-    name: Text | None = Field(default=None, description="name of the base, as on the controller")
-    cam: CamNames = Field(
-        default=[], description="names by which CAM files call this setup; each suffices"
-    )
-    frame: Placement = Field(default=Placement(), description="CAM coordinates in the robot root")
-    meshes: list[Solid] = Field(
-        default=[], description="solids of the workpiece, in CAM coordinates"
-    )
+    number: Annotated[int, Field(ge=1, le=128)] = entry(1, "KUKA BASE number")
+    name: Text | None = entry(None, "name of the base, as on the controller")
+    cam: CamNames = entry([], "names by which CAM files call this setup; each suffices")
+    frame: Placement = entry(Placement(), "CAM coordinates in the robot root")
+    meshes: list[Solid] = entry([], "solids of the workpiece, in CAM coordinates")
 
 
 class StiffnessTable(Table):
     """Joint stiffness."""
 
-    joint_Nmm_per_rad: SixPositive = Field(description="stiffness of A1..A6 [N*mm/rad]")  # noqa: N815
+    joint_Nmm_per_rad: SixPositive = entry(..., "stiffness of A1..A6 [N*mm/rad]")  # noqa: N815
 
 
 class MeasuringTable(Table):
     """The measuring device of campaigns."""
 
-    sigma_mm: Annotated[float, Field(gt=0.0, le=100.0)] | None = Field(
-        default=None,
-        description="standard deviation of a reading per axis [mm], where none was repeated",
+    sigma_mm: Annotated[float, Field(gt=0.0, le=100.0)] | None = entry(
+        None, "standard deviation of a reading per axis [mm], where none was repeated"
     )
-    range_sigma_mm: Annotated[float, Field(gt=0.0, le=100.0)] | None = Field(
-        default=None, description="of a tracker: standard deviation along the beam [mm]"
+    range_sigma_mm: Annotated[float, Field(gt=0.0, le=100.0)] | None = entry(
+        None, "of a tracker: standard deviation along the beam [mm]"
     )
-    range_sigma_mm_per_m: Annotated[float, Field(ge=0.0, le=100.0)] = Field(
-        default=0.0, description="of a tracker: what the distance adds to that [mm/m]"
+    range_sigma_mm_per_m: Annotated[float, Field(ge=0.0, le=100.0)] = entry(
+        0.0, "of a tracker: what the distance adds to that [mm/m]"
     )
-    angle_sigma_mm_per_m: Annotated[float, Field(gt=0.0, le=100.0)] | None = Field(
-        default=None, description="of a tracker: standard deviation across the beam [mm/m]"
+    angle_sigma_mm_per_m: Annotated[float, Field(gt=0.0, le=100.0)] | None = entry(
+        None, "of a tracker: standard deviation across the beam [mm/m]"
     )
-    stands_mm: Vector = Field(
-        default=[0.0, 0.0, 0.0], description="where the tracker stands in the measured frame [mm]"
+    stands_mm: Vector = entry(
+        [0.0, 0.0, 0.0], "where the tracker stands in the measured frame [mm]"
     )
-    instrument: Text | None = Field(default=None, description="name of the device, for reports")
-    serial: Text | None = Field(default=None, description="its serial number, for reports")
-    calibrated: Text | None = Field(default=None, description="its calibration, for reports")
-    operator: Text | None = Field(default=None, description="who measured, for reports")
-    date: Text | None = Field(default=None, description="when it was measured, for reports")
+    instrument: Text | None = entry(None, "name of the device, for reports")
+    serial: Text | None = entry(None, "its serial number, for reports")
+    calibrated: Text | None = entry(None, "its calibration, for reports")
+    operator: Text | None = entry(None, "who measured, for reports")
+    date: Text | None = entry(None, "when it was measured, for reports")
 
 
 class VerifyTable(Table):
     """What ``verify`` takes on trust."""
 
-    accept: list[Text] = Field(
-        default=[],
-        description="system variables, routines, statements and conditions that verify cannot "
+    accept: list[Text] = entry(
+        [],
+        "system variables, routines, statements and conditions that verify cannot "
         "judge and that are known to be harmless here, as it names them",
     )
 
@@ -193,34 +184,28 @@ class CellFile(Table):
     schema_name: Literal["postproc.cell/1"] = Field(
         alias="schema", description="version of this format"
     )
-    name: Text | None = Field(
-        default=None, description="name of the cell; default: name of the file"
+    name: Text | None = entry(None, "name of the cell; default: name of the file")
+    robot: RobotTable = entry(..., "the arm")
+    tool: ToolTable = entry(ALONG_Z, "the tool of a cell with one tool")
+    tools: list[ToolEntry] = entry([], "the tools of a cell with several, instead of tool")
+    workpiece: WorkpieceTable = entry(EMPTY, "the workpiece of a cell with one setup")
+    bases: list[WorkpieceTable] = entry(
+        [], "the setups of a cell with several, instead of workpiece"
     )
-    robot: RobotTable = Field(description="the arm")
-    tool: ToolTable = Field(default=ALONG_Z, description="the tool of a cell with one tool")
-    tools: list[ToolEntry] = Field(
-        default=[], description="the tools of a cell with several, instead of tool"
-    )
-    workpiece: WorkpieceTable = Field(
-        default=EMPTY, description="the workpiece of a cell with one setup"
-    )
-    bases: list[WorkpieceTable] = Field(
-        default=[], description="the setups of a cell with several, instead of workpiece"
-    )
-    obstacles: list[Solid] = Field(default=[], description="solids in the world")
-    limits: Read[Limits] = Field(default=EMPTY, description="margins")
-    optimize: Read[Optimize] = Field(default=EMPTY, description="use of the redundancy")
-    process: ProcessTable = Field(default=EMPTY, description="load while working")
-    stiffness: StiffnessTable | None = Field(default=None, description="joint stiffness")
-    measuring: MeasuringTable = Field(default=EMPTY, description="measuring device of campaigns")
-    motion: Read[Motion] = Field(default=EMPTY, description="speeds")
+    obstacles: list[Solid] = entry([], "solids in the world")
+    limits: Read[Limits] = entry(EMPTY, "margins")
+    optimize: Read[Optimize] = entry(EMPTY, "use of the redundancy")
+    process: ProcessTable = entry(EMPTY, "load while working")
+    stiffness: StiffnessTable | None = entry(None, "joint stiffness")
+    measuring: MeasuringTable = entry(EMPTY, "measuring device of campaigns")
+    motion: Read[Motion] = entry(EMPTY, "speeds")
     reading: Read[Reading] = Field(
         default=EMPTY, alias="import", description="how CAM files are read"
     )
-    krl: Read[KrlOptions] = Field(default=EMPTY, description="program text")
-    verify: VerifyTable = Field(default=EMPTY, description="judging of programs")
-    external_axes: Annotated[list[ExternalAxisTable], Field(max_length=6)] = Field(
-        default=[], description="rails and positioners; a positioner carries those behind it"
+    krl: Read[KrlOptions] = entry(EMPTY, "program text")
+    verify: VerifyTable = entry(EMPTY, "judging of programs")
+    external_axes: Annotated[list[ExternalAxisTable], Field(max_length=6)] = entry(
+        [], "rails and positioners; a positioner carries those behind it"
     )
 
     @model_validator(mode="after")

@@ -10,7 +10,7 @@ from typing import Annotated, Self, cast
 from pydantic import ConfigDict, Field, model_validator
 
 from postproc.cell.choices import HomeStyle, Kss, MotionStyle, PointPlace, Split
-from postproc.cell.schema.table import NotNegative, Options, Table, Text, key
+from postproc.cell.schema.table import NotNegative, Options, Table, Text, entry, key
 from postproc.names import LETTERS
 from postproc.records import dataclass
 
@@ -30,39 +30,35 @@ class HooksTable(Table):
                 raise ValueError(f"{name}: expected the name of a routine, found {routine!r}")
         return self
 
-    spindle_on: KrlName = Field(
-        default="PP_SPINDLE_ON", description="gets the speed [1/min], negative counterclockwise"
+    spindle_on: KrlName = entry(
+        "PP_SPINDLE_ON", "gets the speed [1/min], negative counterclockwise"
     )
-    spindle_off: KrlName = Field(default="PP_SPINDLE_OFF", description="without parameter")
-    coolant_on: KrlName = Field(
-        default="PP_COOLANT_ON",
-        description="gets 1 flood, 2 mist, 3 through the tool, 4 air, 5 tap, 6 to 8 custom",
+    spindle_off: KrlName = entry("PP_SPINDLE_OFF", "without parameter")
+    coolant_on: KrlName = entry(
+        "PP_COOLANT_ON", "gets 1 flood, 2 mist, 3 through the tool, 4 air, 5 tap, 6 to 8 custom"
     )
-    coolant_off: KrlName = Field(default="PP_COOLANT_OFF", description="without parameter")
-    stop: KrlName = Field(default="PP_STOP", description="stop of the CAM program")
-    optional_stop: KrlName = Field(default="PP_OPTIONAL_STOP", description="optional stop")
-    tool_change: KrlName = Field(default="PP_TOOL_CHANGE", description="gets the tool number")
-    signal: KrlName = Field(
-        default="PP_SIGNAL", description="sets a signal; gets its name, port (0: none) and value"
+    coolant_off: KrlName = entry("PP_COOLANT_OFF", "without parameter")
+    stop: KrlName = entry("PP_STOP", "stop of the CAM program")
+    optional_stop: KrlName = entry("PP_OPTIONAL_STOP", "optional stop")
+    tool_change: KrlName = entry("PP_TOOL_CHANGE", "gets the tool number")
+    signal: KrlName = entry("PP_SIGNAL", "sets a signal; gets its name, port (0: none) and value")
+    wait_signal: KrlName = entry(
+        "PP_WAIT_SIGNAL", "waits for a signal; gets its name, port (0: none) and value"
     )
-    wait_signal: KrlName = Field(
-        default="PP_WAIT_SIGNAL",
-        description="waits for a signal; gets its name, port (0: none) and value",
-    )
-    spindle_orient: KrlName | None = Field(
-        default=None,
-        description="stops the spindle at an angle at the bottom of a bore and returns when it "
+    spindle_orient: KrlName | None = entry(
+        None,
+        "stops the spindle at an angle at the bottom of a bore and returns when it "
         "stands there; gets the angle [deg]; default: none, such a bore is refused",
     )
-    tap_reverse: KrlName | None = Field(
-        default=None,
-        description="reverses the spindle at the bottom of a tapped hole and returns when it turns "
+    tap_reverse: KrlName | None = entry(
+        None,
+        "reverses the spindle at the bottom of a tapped hole and returns when it turns "
         "the other way; gets the speed [1/min], negative counterclockwise. Naming it says that the "
         "tap is in a floating holder; default: none, tapping is refused",
     )
-    stops_advance: list[str] | None = Field(
-        default=None,
-        description="keys of those routines whose lines stop the advance run before they do "
+    stops_advance: list[str] | None = entry(
+        None,
+        "keys of those routines whose lines stop the advance run before they do "
         "anything (WAIT, HALT, $OUT without CONTINUE); before the others a program gets "
         "WAIT SEC 0; default: no WAIT SEC 0, and those of which it is not known are named",
     )

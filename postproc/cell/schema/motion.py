@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 
 from postproc.arrays import FloatArray, frozen_floats
 from postproc.cell.choices import ArcMotion, PathEntry, PointService, SpindleStart
-from postproc.cell.schema.table import CHOICE, Options, Positive, Read, Table, Text, key
+from postproc.cell.schema.table import CHOICE, Options, Positive, Read, Table, Text, entry, key
 from postproc.records import dataclass
 from postproc.units import PERCENT, RPM
 
@@ -30,47 +30,43 @@ UNIT_STEPS = ("clamp", "drill", "unclamp")
 class OperationLoadTable(Table):
     """The load on the tool in one operation of the CAM file."""
 
-    name: Text = Field(description="name of the operation, as in the CAM file")
-    force_N: Loads = Field(default=[0.0, 0.0, 0.0], description="force ON the tool, TCP axes [N]")  # noqa: N815
-    moment_Nm: Loads = Field(  # noqa: N815
-        default=[0.0, 0.0, 0.0], description="moment ON the tool at the TCP, TCP axes [N*m]"
-    )
+    name: Text = entry(..., "name of the operation, as in the CAM file")
+    force_N: Loads = entry([0.0, 0.0, 0.0], "force ON the tool, TCP axes [N]")  # noqa: N815
+    moment_Nm: Loads = entry([0.0, 0.0, 0.0], "moment ON the tool at the TCP, TCP axes [N*m]")  # noqa: N815
 
 
 class ProcessTable(Table):
     """The load on the tool while it works, and how holes are made."""
 
-    force_N: Loads = Field(default=[0.0, 0.0, 0.0], description="force ON the tool, TCP axes [N]")  # noqa: N815
-    moment_Nm: Loads = Field(  # noqa: N815
-        default=[0.0, 0.0, 0.0], description="moment ON the tool at the TCP, TCP axes [N*m]"
+    force_N: Loads = entry([0.0, 0.0, 0.0], "force ON the tool, TCP axes [N]")  # noqa: N815
+    moment_Nm: Loads = entry([0.0, 0.0, 0.0], "moment ON the tool at the TCP, TCP axes [N*m]")  # noqa: N815
+    operations: list[OperationLoadTable] = entry(
+        [], "loads of single operations; all others take the load above"
     )
-    operations: list[OperationLoadTable] = Field(
-        default=[], description="loads of single operations; all others take the load above"
-    )
-    least_feed_percent: Annotated[float, Field(gt=0.0, le=100.0)] | None = Field(
-        default=None,
-        description="lowest share of the feed asked for that the process takes where an axis "
+    least_feed_percent: Annotated[float, Field(gt=0.0, le=100.0)] | None = entry(
+        None,
+        "lowest share of the feed asked for that the process takes where an axis "
         "cannot follow; cuts that need less are led another way, else refused [%]; default: any",
     )
-    feed_by: Literal["robot", "unit"] = Field(
-        default="robot",
-        description="who feeds the tool into a hole: robot, or unit: the robot stands where the "
+    feed_by: Literal["robot", "unit"] = entry(
+        "robot",
+        "who feeds the tool into a hole: robot, or unit: the robot stands where the "
         "feed begins, the end effector drills",
     )
-    spindle: Annotated[SpindleStart, CHOICE] | None = Field(
-        default=None,
-        description="who starts the spindle: program: what drills or mills without a speed is "
+    spindle: Annotated[SpindleStart, CHOICE] | None = entry(
+        None,
+        "who starts the spindle: program: what drills or mills without a speed is "
         "refused; unit: the end effector itself; hand: a person; default: unit with feed_by = "
         "unit, program with spindle_rpm, else not known, and the answer says so first",
     )
-    spindle_rpm: Positive | None = Field(
-        default=None,
-        description="speed that the program starts the spindle with where the CAM data gives "
+    spindle_rpm: Positive | None = entry(
+        None,
+        "speed that the program starts the spindle with where the CAM data gives "
         "none, the way round that the tool cuts [1/min]; default: none",
     )
-    hole: list[HoleStep] | None = Field(
-        default=None,
-        description="routines called at each hole, in order, with its number, depth [mm], feed "
+    hole: list[HoleStep] | None = entry(
+        None,
+        "routines called at each hole, in order, with its number, depth [mm], feed "
         "[mm/min] and speed [1/min]; with feed_by = robot those up to drill (else all but the "
         "last) come before the stroke; default: none, clamp, drill, unclamp with feed_by = unit",
     )

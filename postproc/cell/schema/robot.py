@@ -18,6 +18,7 @@ from postproc.cell.schema.table import (
     SixPositive,
     Table,
     Text,
+    entry,
 )
 
 SixRanges = Annotated[list[AngleRange], Field(min_length=6, max_length=6)]
@@ -27,77 +28,68 @@ LengthRange = Annotated[list[Length], Field(min_length=2, max_length=2)]
 class DimensionsTable(Table):
     """Lengths of an arm of KUKA with spherical wrist, as `robots NAME --json` names them."""
 
-    a1: Length = Field(description="axis 1 to axis 2, forwards: $LENGTH_A [mm]")
-    a2: Length = Field(
-        description="axis 3 to the wrist, downwards with the forearm level: -$TX3P3.Z [mm]"
-    )
-    b: Length = Field(default=0.0, description="sideways [mm]")
-    c1: Length = Field(description="foot to axis 2, upwards: $TIRORO.Z [mm]")
-    c2: Positive = Field(description="upper arm: $LENGTH_B [mm]")
-    c3: Length = Field(description="forearm: $TX3P3.X [mm]")
-    c4: Length = Field(description="wrist to flange: $TFLWP.Z [mm]")
+    a1: Length = entry(..., "axis 1 to axis 2, forwards: $LENGTH_A [mm]")
+    a2: Length = entry(..., "axis 3 to the wrist, downwards with the forearm level: -$TX3P3.Z [mm]")
+    b: Length = entry(0.0, "sideways [mm]")
+    c1: Length = entry(..., "foot to axis 2, upwards: $TIRORO.Z [mm]")
+    c2: Positive = entry(..., "upper arm: $LENGTH_B [mm]")
+    c3: Length = entry(..., "forearm: $TX3P3.X [mm]")
+    c4: Length = entry(..., "wrist to flange: $TFLWP.Z [mm]")
 
 
 class RobotTable(Table):
     """The arm: a built-in model, the lengths of an arm of KUKA, or a URDF file."""
 
-    model: Text | None = Field(
-        default=None,
-        description="built-in robot, by any spelling of its name or $TRAFONAME, see "
-        "`postproc robots`",
+    model: Text | None = entry(
+        None, "built-in robot, by any spelling of its name or $TRAFONAME, see `postproc robots`"
     )
-    dimensions_mm: DimensionsTable | None = Field(
-        default=None,
-        description="lengths from the machine data: of an arm that is not built in, or instead of "
+    dimensions_mm: DimensionsTable | None = entry(
+        None,
+        "lengths from the machine data: of an arm that is not built in, or instead of "
         "those of model",
     )
-    name: Text | None = Field(
-        default=None, description="name of an arm that dimensions_mm alone describes"
+    name: Text | None = entry(None, "name of an arm that dimensions_mm alone describes")
+    urdf: Text | None = entry(
+        None, "URDF file instead of a built-in robot, relative to the cell file"
     )
-    urdf: Text | None = Field(
-        default=None, description="URDF file instead of a built-in robot, relative to the cell file"
+    tip: Text | None = entry(
+        None, "name of the flange link in the URDF; default: the end of the chain"
     )
-    tip: Text | None = Field(
-        default=None,
-        description="name of the flange link in the URDF; default: the end of the chain",
+    base: Placement = entry(Placement(), "robot root in the world")
+    limits_deg: SixRanges | None = entry(
+        None, "[smallest, largest] of A1..A6 [deg]; default: of the robot"
     )
-    base: Placement = Field(default=Placement(), description="robot root in the world")
-    limits_deg: SixRanges | None = Field(
-        default=None, description="[smallest, largest] of A1..A6 [deg]; default: of the robot"
-    )
-    cable: dict[Literal["A1", "A2", "A3", "A4", "A5", "A6"], AngleRange] = Field(
-        default={},
-        description="what cables and hoses allow of single axes, within the limits [deg]: "
+    cable: dict[Literal["A1", "A2", "A3", "A4", "A5", "A6"], AngleRange] = entry(
+        {},
+        "what cables and hoses allow of single axes, within the limits [deg]: "
         "{ A4 = [-180, 180], A6 = [-270, 270] }",
     )
-    speed_deg_s: SixPositive | None = Field(
-        default=None, description="largest speed of A1..A6 [deg/s]; default: of the robot"
+    speed_deg_s: SixPositive | None = entry(
+        None, "largest speed of A1..A6 [deg/s]; default: of the robot"
     )
-    accel_deg_s2: SixPositive | None = Field(
-        default=None,
-        description="largest acceleration of A1..A6 [deg/s^2], which times of path motions keep as "
+    accel_deg_s2: SixPositive | None = entry(
+        None,
+        "largest acceleration of A1..A6 [deg/s^2], which times of path motions keep as "
         "well; default: of the robot, or full speed in half a second in joint motions",
     )
-    jerk_deg_s3: SixPositive | None = Field(
-        default=None,
-        description="largest jerk of A1..A6 [deg/s^3], for times; default: full acceleration in "
+    jerk_deg_s3: SixPositive | None = entry(
+        None,
+        "largest jerk of A1..A6 [deg/s^3], for times; default: full acceleration in "
         "a tenth of a second",
     )
-    torque_nm: SixPositive | None = Field(
-        default=None,
-        description="largest torques of A1..A6 [N*m], for times: of an arm whose urdf gives mass "
+    torque_nm: SixPositive | None = entry(
+        None,
+        "largest torques of A1..A6 [N*m], for times: of an arm whose urdf gives mass "
         "and inertia of every link; default: the efforts of that file, if all are above 0",
     )
-    payload_kg: Positive | None = Field(
-        default=None, description="rated payload [kg]; default: of the robot"
-    )
-    solids: Annotated[RobotSolids, CHOICE] = Field(
-        default=RobotSolids.OUTLINE,
-        description="solids of a built-in arm: outline encloses the real one, simple hulls do "
+    payload_kg: Positive | None = entry(None, "rated payload [kg]; default: of the robot")
+    solids: Annotated[RobotSolids, CHOICE] = entry(
+        RobotSolids.OUTLINE,
+        "solids of a built-in arm: outline encloses the real one, simple hulls do "
         "not, by up to 0.7 m, nor does one of the two enclose the other",
     )
-    link_meshes: list[LinkSolid] = Field(
-        default=[], description="your own solids of the links instead of the built-in hulls"
+    link_meshes: list[LinkSolid] = entry(
+        [], "your own solids of the links instead of the built-in hulls"
     )
 
     @model_validator(mode="after")
@@ -123,24 +115,19 @@ class RobotTable(Table):
 class ExternalAxisTable(Placement):
     """A linear axis or a positioner; the placement is that of its axis in the world."""
 
-    name: Literal["E1", "E2", "E3", "E4", "E5", "E6"] = Field(description="controller axis")
-    kind: Literal["rail", "positioner"] = Field(
-        description="rail: carries the robot; positioner: turns the workpiece"
+    name: Literal["E1", "E2", "E3", "E4", "E5", "E6"] = entry(..., "controller axis")
+    kind: Literal["rail", "positioner"] = entry(
+        ..., "rail: carries the robot; positioner: turns the workpiece"
     )
-    axis: AxisName = Field(description="axis of the placement along or about which it moves")
-    range_mm: LengthRange | None = Field(
-        default=None, description="[smallest, largest] of a rail [mm]"
+    axis: AxisName = entry(..., "axis of the placement along or about which it moves")
+    range_mm: LengthRange | None = entry(None, "[smallest, largest] of a rail [mm]")
+    range_deg: Annotated[list[Length], Field(min_length=2, max_length=2)] | None = entry(
+        None, "[smallest, largest] of a positioner [deg]"
     )
-    range_deg: Annotated[list[Length], Field(min_length=2, max_length=2)] | None = Field(
-        default=None, description="[smallest, largest] of a positioner [deg]"
-    )
-    speed_mm_s: Positive | None = Field(default=None, description="largest speed of a rail [mm/s]")
-    speed_deg_s: Positive | None = Field(
-        default=None, description="largest speed of a positioner [deg/s]"
-    )
-    moves_in_cuts: bool = Field(
-        default=True,
-        description="it may move while the tool cuts, where no one place serves a cut as well",
+    speed_mm_s: Positive | None = entry(None, "largest speed of a rail [mm/s]")
+    speed_deg_s: Positive | None = entry(None, "largest speed of a positioner [deg/s]")
+    moves_in_cuts: bool = entry(
+        True, "it may move while the tool cuts, where no one place serves a cut as well"
     )
 
     @model_validator(mode="after")

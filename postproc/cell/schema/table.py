@@ -32,6 +32,11 @@ schema loads, apart from that of the whole file."""
 CamNames = list[Text | Annotated[int, Field(ge=0)]]
 
 
+def entry(default: Any, meaning: str) -> Any:  # noqa: ANN401 - of any key
+    """Return a key of a table: its default, ``...`` where it is required, and its meaning."""
+    return Field(default=default, description=meaning)
+
+
 class Table(BaseModel):
     """A TOML table: no unknown keys, no text for numbers, no nan or inf."""
 
@@ -156,41 +161,33 @@ else:
 class Placement(Table):
     """Where something stands: shift and turn."""
 
-    xyz_mm: Vector = Field(default=[0.0, 0.0, 0.0], description="origin [mm]")
-    abc_deg: Angles = Field(
-        default=[0.0, 0.0, 0.0], description="KUKA A, B, C [deg]: R = Rz(A) Ry(B) Rx(C)"
-    )
+    xyz_mm: Vector = entry([0.0, 0.0, 0.0], "origin [mm]")
+    abc_deg: Angles = entry([0.0, 0.0, 0.0], "KUKA A, B, C [deg]: R = Rz(A) Ry(B) Rx(C)")
 
 
 class BoxShape(Table):
     """A box, centred in its frame."""
 
-    size_mm: Annotated[list[Size], Field(min_length=3, max_length=3)] = Field(
-        description="edge lengths along x, y, z [mm]"
+    size_mm: Annotated[list[Size], Field(min_length=3, max_length=3)] = entry(
+        ..., "edge lengths along x, y, z [mm]"
     )
 
 
 class CylinderShape(Table):
     """A cylinder along z, centred in its frame."""
 
-    radius_mm: Size = Field(description="radius [mm]")
-    length_mm: Size = Field(description="length along z [mm]")
+    radius_mm: Size = entry(..., "radius [mm]")
+    length_mm: Size = entry(..., "length along z [mm]")
 
 
 class Solid(Placement):
     """A solid: exactly one of file, box and cylinder."""
 
-    name: Text | None = Field(
-        default=None, description="name in messages; default: made from the table"
-    )
-    file: Text | None = Field(
-        default=None, description="mesh file (STL, OBJ, PLY), relative to the cell file"
-    )
-    box: BoxShape | None = Field(default=None, description="a box instead of a file, centred")
-    cylinder: CylinderShape | None = Field(
-        default=None, description="a cylinder along z instead of a file, centred"
-    )
-    scale: Positive = Field(default=1.0, description="millimetres per unit of the mesh file")
+    name: Text | None = entry(None, "name in messages; default: made from the table")
+    file: Text | None = entry(None, "mesh file (STL, OBJ, PLY), relative to the cell file")
+    box: BoxShape | None = entry(None, "a box instead of a file, centred")
+    cylinder: CylinderShape | None = entry(None, "a cylinder along z instead of a file, centred")
+    scale: Positive = entry(1.0, "millimetres per unit of the mesh file")
 
     @model_validator(mode="after")
     def _one_shape(self) -> Solid:
@@ -204,14 +201,12 @@ class Solid(Placement):
 class ToolSolid(Solid):
     """A solid of the tool, in the flange."""
 
-    cutting: bool = Field(
-        default=False, description="true: this part may touch the workpiece during a cut"
-    )
+    cutting: bool = entry(False, "true: this part may touch the workpiece during a cut")
 
 
 class LinkSolid(Solid):
     """A solid of a robot link, in the frame of that link."""
 
-    link: Annotated[int, Field(ge=0, le=6)] = Field(
-        description="0 = base of the robot, 1..6 = link moved by that axis"
+    link: Annotated[int, Field(ge=0, le=6)] = entry(
+        ..., "0 = base of the robot, 1..6 = link moved by that axis"
     )

@@ -215,11 +215,8 @@ def _speeds(plan: Plan, speed_max: float) -> list[float]:
     wrong = np.flatnonzero(~(np.isfinite(speed) & (speed > 0.0)))
     if len(wrong):
         index = int(wrong[0])
-        raise EmitError(
-            "EMT311",
-            f"move {index} has a path speed of {speed[index]:g} m/s, expected above 0",
-            _source(plan, index),
-        )
+        text = f"move {index} has a path speed of {speed[index]:g} m/s, expected above 0"
+        raise EmitError("EMT311", text, _source(plan, index))
     fast = np.flatnonzero(is_cp & _is_cut(plan.role) & (speed > speed_max * (1.0 + 1e-9)))
     if len(fast):
         index = int(fast[0])
@@ -253,12 +250,11 @@ def _percents(plan: Plan) -> list[float]:
     wrong = np.flatnonzero(is_ptp & ~((percent > 0.0) & (percent <= 100.0)))
     if len(wrong):
         index = int(wrong[0])
-        raise EmitError(
-            "EMT311",
+        text = (
             f"move {index} has an axis speed of {fraction[index]:g} of the possible one, "
-            "expected above 0 and at most 1",
-            _source(plan, index),
+            "expected above 0 and at most 1"
         )
+        raise EmitError("EMT311", text, _source(plan, index))
     values: list[float] = percent.tolist()
     return values
 
@@ -310,11 +306,8 @@ def _straight(plan: Plan) -> BoolArray:
     wrong = np.flatnonzero(~(is_circle | is_line))
     if len(wrong) or arcs[0] == 0:
         index = int(arcs[wrong[0]]) if len(wrong) else 0
-        raise EmitError(
-            "EMT313",
-            f"move {index}: start, middle and end make no arc",
-            _source(plan, index),
-        )
+        text = f"move {index}: start, middle and end make no arc"
+        raise EmitError("EMT313", text, _source(plan, index))
     straight[arcs[is_line]] = True
     return straight
 

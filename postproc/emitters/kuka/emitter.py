@@ -310,9 +310,6 @@ class _Program:
         lines = self.templates.lines("attributes", {"program": name})
         wrong = next((line for line in lines if not line.startswith("&")), None)
         if wrong is not None:
-            raise EmitError(
-                "EMT333",
-                f"template attributes gives {wrong!r}, expected & before each line",
-                self.templates.file("attributes"),
-            )
+            text = f"template attributes gives {wrong!r}, expected & before each line"
+            raise EmitError("EMT333", text, self.templates.file("attributes"))
         return tuple(line[1:] for line in lines)

@@ -127,8 +127,7 @@ def _blamed(
             source = templates.file(silent[0])
             yield Finding(Severity.ERROR, "EMT336", text, source=source, hint=hint)
         elif origin is None:
-            hint = f"the cell's own templates replace built-in ones: {_KEYS}"
-            yield replace(finding, hint=hint)
+            yield replace(finding, hint=f"the cell's own templates replace built-in ones: {_KEYS}")
         else:
             text = f"the template gives {row.strip()[:60]!r}: {fault}"
             yield Finding(Severity.ERROR, "EMT336", text, source=origin, hint=_KEYS)

@@ -104,11 +104,8 @@ class TemplateSet:
             lines = self.lines(name, {**values, **marks})
             module = self._module(name, ["DEF T( )", *lines, "END"])
             if len(module.routines) != 1:
-                raise EmitError(
-                    "EMT333",
-                    f"template {name} begins a routine, expected statements only",
-                    self.file(name),
-                )
+                message = f"template {name} begins a routine, expected statements only"
+                raise EmitError("EMT333", message, self.file(name))
             found = [s for s in module.main.statements if not isinstance(s, krl.Blank)]
             moves = next((krl.render_statement(s) for s in found if isinstance(s, krl.Move)), None)
             if moves is not None:
@@ -128,11 +125,8 @@ class TemplateSet:
         if module.problems:
             problem = module.problems[0]
             line = problem.source.text if problem.source else ""
-            raise EmitError(
-                "EMT333",
-                f"template {name} gives {line[:80]!r}: {problem.message}",
-                self.file(name),
-            )
+            message = f"template {name} gives {line[:80]!r}: {problem.message}"
+            raise EmitError("EMT333", message, self.file(name))
         return module
 
     def _check(self, name: str, lines: list[str]) -> None:
@@ -140,12 +134,11 @@ class TemplateSet:
             raise EmitError("EMT332", f"template {name} gives {len(lines)} lines", self.source)
         for line in lines:
             if len(line) > LINE_LENGTH or not (line.isascii() and line.isprintable()):
-                raise EmitError(
-                    "EMT332",
+                text = (
                     f"template {name} gives the line {line[:60]!r}, expected at most "
-                    f"{LINE_LENGTH} printable ASCII characters",
-                    self.file(name),
+                    f"{LINE_LENGTH} printable ASCII characters"
                 )
+                raise EmitError("EMT332", text, self.file(name))
 
     @property
     def own(self) -> Path | None:
