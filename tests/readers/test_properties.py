@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from postproc.errors import PostprocError
@@ -182,6 +182,7 @@ CELLS = st.floats(-2000, 2000).map(lambda v: round(v, 4))
 def test_any_way_of_writing_a_list_is_the_same_list(
     rows, separator, comma, header, named, ending, read_text
 ):
+    assume(not 0.0 < np.ptp(rows, axis=0).max() < 1.0)  # closer together the unit is asked back
     decimal = "," if comma and separator != "," else "."
     lines = [["id"] * named + ["x", "y", "z", "i", "j", "k"]] if header else []
     for i, row in enumerate(rows):
