@@ -53,14 +53,6 @@ class ArcRecords(Table):
     rise: FloatArray
     free: BoolArray
 
-    @classmethod
-    def joined(cls, parts: list[ArcRecords]) -> ArcRecords:
-        """Return all parts as one."""
-        tag, number, vector = np.zeros(0, dtype=np.int32), np.zeros(0), np.zeros((0, 3))
-        free = np.zeros(0, dtype=np.bool_)
-        empty = cls(tag, tag, vector, vector, vector, number, tag, number, number, free)
-        return cls.concat([empty, *parts])
-
 
 def arcs_between(
     records: ArcRecords, starts: FloatArray, ends: FloatArray, faults: Faults

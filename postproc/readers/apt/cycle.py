@@ -10,7 +10,7 @@ from math import isnan, nan, radians
 
 from postproc.model import ORIENT, Cycle, CycleKind, WordClass
 from postproc.readers.apt.cycletext import Found, is_catia_order, is_hsm_order, parameters
-from postproc.readers.apt.dialect import CycleGrammar, CycleRule, DepthRule
+from postproc.readers.apt.dialect import CycleGrammar, CycleRule
 from postproc.readers.apt.heights import (
     DEFAULT_CLEARANCE,
     LEFT,
@@ -263,7 +263,7 @@ def _depth(state: AptState, found: Found, signed: bool) -> float:
     depth = found.get("depth", NAN)
     if isnan(depth):
         raise state.error("APT046", "a drill cycle without a depth")
-    if signed and state.dialect.depth_rule is DepthRule.SIGNED:
+    if signed and state.dialect.signed_depth:
         depth = -depth
     if depth < 0.0:
         raise state.error("APT047", f"a drill cycle whose depth lies {-depth:g} above the hole")

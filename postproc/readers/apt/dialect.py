@@ -38,24 +38,6 @@ class EighthField(Enum):
     """A sweep where it is too large for a tolerance."""
 
 
-class AxisRule(Enum):
-    """Tool axis of a GOTO that gives only a point."""
-
-    KEEP = auto()
-    """The last one given; (0, 0, 1) if none was."""
-    SETUP = auto()
-    """The third column of the current CSYS, whatever stood in the GOTO before."""
-
-
-class DepthRule(Enum):
-    """Sign of a drill cycle's depth against the tool axis."""
-
-    BELOW = auto()
-    """Positive = below the GOTO point."""
-    SIGNED = auto()
-    """Along the tool axis from the GOTO point: negative = into the part."""
-
-
 class CycleGrammar(Enum):
     """How the parameters of a drill cycle are written."""
 
@@ -110,19 +92,22 @@ class Dialect:
     where no record tells. ``ends``: words one of which must end a complete file. ``origin_moves``:
     ORIGIN places the points. ``setup_plane``: points stand in a setup plane that TLAXIS and ROTABL
     tilt. ``feed_cancels_rapid``: a FEDRAT between RAPID and GOTO. ``blank_separates``: a blank may
-    stand for a comma. ``axis_reset``: words at which the tool axis falls back to (0, 0, 1);
-    ``off_is_upright``: so does MULTAX/OFF, which begins an operation along z (Autodesk's public
-    post writes it so); else it keeps the last axis. ``turned_vectors``: a MOVARC turns
-    counterclockwise about its vector, half a turn too.
+    stand for a comma. ``axis_of_setup``: a GOTO that gives only a point has the third column of the
+    current CSYS as its tool axis, not the last axis given. ``signed_depth``: that of a drill
+    cycle counts along the tool axis, negative into the part, not below the point.
+    ``axis_reset``: words at which the tool axis falls back to (0, 0, 1); ``off_is_upright``: so
+    does MULTAX/OFF, which begins an operation along z (Autodesk's public post writes it so);
+    else it keeps the last axis. ``turned_vectors``: a MOVARC turns counterclockwise about its
+    vector, half a turn too.
     """
 
     name: str
     marks: tuple[tuple[re.Pattern[bytes], float], ...]
     arc_sense: ArcSense = ArcSense.COUNTERCLOCKWISE
     eighth_field: EighthField = EighthField.TOLERANCE
-    axis_rule: AxisRule = AxisRule.KEEP
+    axis_of_setup: bool = False
     off_is_upright: bool = False
-    depth_rule: DepthRule = DepthRule.BELOW
+    signed_depth: bool = False
     cycle_grammar: CycleGrammar = CycleGrammar.WORDS
     cycle_rule: CycleRule = CycleRule()
     implied_units: str | None = None
@@ -154,7 +139,7 @@ DIALECTS = {
             ),
             cycle_rule=CycleRule(proven=True),
             arc_sense=ArcSense.CLOCKWISE,
-            depth_rule=DepthRule.SIGNED,
+            signed_depth=True,
             implied_units="mm",
             ends=frozenset({"END-OF-PATH", "FINI"}),
             feed_cancels_rapid=True,
@@ -169,7 +154,7 @@ DIALECTS = {
                 (rb"^[ \t]*UNIT" + _SLASH, 0.5),
             ),
             cycle_rule=CycleRule(proven=True),
-            axis_rule=AxisRule.SETUP,
+            axis_of_setup=True,
         ),
         Dialect(
             "creo",

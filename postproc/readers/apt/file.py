@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from postproc.arrays import NONE, FloatArray, IndexArray, IntArray, Table
+from postproc.arrays import NONE, FloatArray, IndexArray, IntArray
 from postproc.model import Arcs, Cycle, Event, MotionKind, ToolPath, WordClass
 from postproc.readers.apt.arcs import ArcRecords, Around, arcs_between, settled_senses, tangency
 from postproc.readers.apt.dialect import ArcSense, Dialect, dialect_of
@@ -23,7 +23,7 @@ from postproc.readers.apt.feed import settle_turn_feed
 from postproc.readers.apt.levels import check_resumed, check_standing, settle_levels, settle_turns
 from postproc.readers.apt.motion import MotionReader, Motions
 from postproc.readers.apt.nurbs import MOST_SEGMENTS, close_spline, discretised
-from postproc.readers.apt.state import AptState, Columns
+from postproc.readers.apt.state import AptState, Tags
 from postproc.readers.apt.statement import (
     CIRCLE,
     COMMENT,
@@ -36,29 +36,14 @@ from postproc.readers.apt.statement import (
 from postproc.readers.apt.words import check_homes, comment, handle, settle_tools, unit_name
 from postproc.readers.base import ARC_SENSES, HEAD_BYTES, LENGTH_UNITS, ReadOptions
 from postproc.readers.text import Faults, TextBlock
-from postproc.records import dataclass
-
-
-@dataclass(slots=True)
-class _Tags(Table):
-    """All tags in columns of length n, as in ``ToolPath``."""
-
-    points: FloatArray
-    axes: FloatArray
-    kind: IntArray
-    feed: FloatArray
-    line: IntArray
-    operation: IntArray
-    tool: IntArray
-    cycle: IntArray
 
 
 def finished_toolpath(state: AptState, path: str) -> ToolPath:
     """Return the toolpath of a state that has seen the whole file."""
     settle_turn_feed(state)
-    table = _joined(state)
-    records = ArcRecords.joined(state.columns.arcs)
-    state.columns = Columns()
+    table, records = Tags.concat(state.blocks), ArcRecords.concat(state.arcs)
+    table.tool = state.tools.column(len(table))
+    state.blocks, state.arcs = [], []
     check_resumed(state, table)
     settle_turns(state, table)
     settle_levels(state, table)
@@ -109,30 +94,10 @@ def finished_toolpath(state: AptState, path: str) -> ToolPath:
     )
 
 
-def _joined(state: AptState) -> _Tags:
-    columns = state.columns
-    n = state.done
-    return _Tags(
-        np.concatenate([np.zeros((0, 3)), *columns.points]),
-        np.concatenate([np.zeros((0, 3)), *columns.axes]),
-        _ints(columns.kind),
-        np.concatenate([np.zeros(0), *columns.feed]),
-        _ints(columns.line),
-        _ints(columns.operation),
-        state.tools.column(n),
-        _ints(columns.cycle),
-    )
-
-
-def _ints(parts: list[IntArray]) -> IntArray:
-    joined: IntArray = np.concatenate([np.zeros(0, dtype=np.int32), *parts])
-    return joined
-
-
-def _with_splines(state: AptState, table: _Tags) -> tuple[_Tags, IndexArray]:
+def _with_splines(state: AptState, table: Tags) -> tuple[Tags, IndexArray]:
     """Return the table with the points of the splines, and how many stand before each spline."""
     shift = np.zeros(len(state.splines) + 1, dtype=np.int64)
-    parts: list[_Tags] = []
+    parts: list[Tags] = []
     at = 0
     current: FloatArray | None = state.start
     for i, spline in enumerate(state.splines):
@@ -153,7 +118,7 @@ def _with_splines(state: AptState, table: _Tags) -> tuple[_Tags, IndexArray]:
         axis = table.axes[at - 1] if at else np.array([0.0, 0.0, 1.0])
         m = len(points)
         parts.append(
-            _Tags(
+            Tags(
                 points,
                 np.tile(axis, (m, 1)),
                 np.full(m, MotionKind.LINEAR, dtype=np.int32),
@@ -168,10 +133,10 @@ def _with_splines(state: AptState, table: _Tags) -> tuple[_Tags, IndexArray]:
             "APT131", "NURBS run as straight pieces within the chord tolerance", spline.line
         )
     parts.append(table.rows(np.arange(at, len(table))))
-    return _Tags.concat(parts), shift
+    return Tags.concat(parts), shift
 
 
-def _end_point(table: _Tags, cycles: list[Cycle], i: int) -> FloatArray:
+def _end_point(table: Tags, cycles: list[Cycle], i: int) -> FloatArray:
     """Return where the tool stands after tag i: after a hole at its retract height."""
     point: FloatArray = table.points[i]
     if table.kind[i] == MotionKind.HOLE:
@@ -179,7 +144,7 @@ def _end_point(table: _Tags, cycles: list[Cycle], i: int) -> FloatArray:
     return point
 
 
-def _arcs(state: AptState, table: _Tags, records: ArcRecords) -> Arcs:
+def _arcs(state: AptState, table: Tags, records: ArcRecords) -> Arcs:
     starts = np.full((len(records.tag), 3), np.nan)
     later = records.tag > 0
     before = records.tag[later] - 1
@@ -229,7 +194,7 @@ def straight_neighbours(
     return before, after
 
 
-def _settle_feeds(table: _Tags, cycles: list[Cycle]) -> None:
+def _settle_feeds(table: Tags, cycles: list[Cycle]) -> None:
     """Rapids have no feed; a hole has its cycle's feed, else the modal one."""
     table.feed[table.kind == MotionKind.RAPID] = np.nan
     if cycles:

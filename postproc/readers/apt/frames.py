@@ -7,7 +7,6 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.geometry import rotation_x, rotation_y, rotation_z
 from postproc.model import CamSetup, WordClass
-from postproc.readers.apt.dialect import AxisRule
 from postproc.readers.apt.setup import AXIS_NORM_GAP, ROW, rotation
 from postproc.readers.apt.state import AptState
 from postproc.readers.apt.statement import Statement, bounded
@@ -119,7 +118,7 @@ def csys_statement(state: AptState, statement: Statement) -> None:
     matrix = np.array(numbers).reshape(3, ROW)
     R = rotation(matrix[:, :3], state.faults, state.line, statement.text)
     state.setups.place("CSYS", state.line, R, matrix[:, 3] * state.scale, carried=False)
-    if state.dialect.axis_rule is AxisRule.SETUP:
+    if state.dialect.axis_of_setup:
         state.set_axis(*R[:, 2].tolist())
     elif not np.allclose(matrix, np.eye(3, ROW), atol=1e-9):
         state.warn("APT160", "a CSYS that is not the identity: the points are taken as written")

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from math import isnan, nan
-from typing import Protocol
 
 import numpy as np
 
@@ -16,23 +15,14 @@ from postproc.arrays import ROUNDING, FloatArray, IndexArray, IntArray
 from postproc.model import WORKING, Event, EventKind, MotionKind, WordClass
 from postproc.process import Stretch, stretches
 from postproc.readers.apt.heights import READINGS, ByTurns, doubts, reading, with_levels
-from postproc.readers.apt.state import AptState
+from postproc.readers.apt.state import AptState, Tags
 from postproc.units import MM
 
 _ABOVE = 0.01 * MM
 """A point so near the hole's axis [m] is above the hole."""
 
 
-class HoleTable(Protocol):
-    """Tags in columns of length n, as in ``ToolPath``."""
-
-    points: FloatArray
-    axes: FloatArray
-    kind: IntArray
-    cycle: IntArray
-
-
-def settle_levels(state: AptState, table: HoleTable) -> None:
+def settle_levels(state: AptState, table: Tags) -> None:
     """Put each hole's tag at its top, and give it a cycle with the levels of its place.
 
     Where a seat's GOTO is the bottom of the hole, the tag moves up by the depth; absolute levels
@@ -52,7 +42,7 @@ def settle_levels(state: AptState, table: HoleTable) -> None:
     _leave_out(state, table, open_ones)
 
 
-def _settle(state: AptState, table: HoleTable, number: int, rows: IndexArray) -> None:
+def _settle(state: AptState, table: Tags, number: int, rows: IndexArray) -> None:
     """Settle the levels of the holes ``rows`` (m,) of one cycle."""
     heights, word, lines = state.drill.heights[number]
     if heights.rule.goto_bottom:
@@ -86,7 +76,7 @@ def _show(state: AptState, number: int, levels: tuple[float, float], top: float)
             state.uses.note(word, WordClass.PROCESS, line, text, READINGS)
 
 
-def _leave_out(state: AptState, table: HoleTable, numbers: list[int]) -> None:
+def _leave_out(state: AptState, table: Tags, numbers: list[int]) -> None:
     """Take cycles that no hole has any more out of the table."""
     kept = [i for i in range(len(state.cycles)) if i not in set(numbers)]
     place = np.full(len(state.cycles) + 1, -1, dtype=np.int32)
@@ -95,7 +85,7 @@ def _leave_out(state: AptState, table: HoleTable, numbers: list[int]) -> None:
     state.cycles = [state.cycles[i] for i in kept]
 
 
-def check_approaches(state: AptState, table: HoleTable) -> None:
+def check_approaches(state: AptState, table: Tags) -> None:
     """Ask a cycle back whose first hole is approached from below the level where feed begins.
 
     Only a point right above the hole tells: where the tool comes from elsewhere it may be lower.
@@ -122,7 +112,7 @@ def check_approaches(state: AptState, table: HoleTable) -> None:
 _SWAPPED = "Fusion's post of 2021 writes stop and start of the spindle by hand the wrong way round"
 
 
-def settle_turns(state: AptState, table: HoleTable) -> None:
+def settle_turns(state: AptState, table: Tags) -> None:
     """Give the holes of every cycle that depends on the spindle the cycle at its speed there."""
     drill = state.drill
     if not drill.turned:
@@ -199,7 +189,7 @@ def _refuse_cut(state: AptState, part: Stretch, starts: Sequence[Event], cut: in
     state.uses.refuse("SPINDL/OFF", WordClass.PROCESS, part.event.line, reason, hint)
 
 
-def check_resumed(state: AptState, table: HoleTable) -> None:
+def check_resumed(state: AptState, table: Tags) -> None:
     """Refuse CYCLE/ON that brings no cycle back although points follow."""
     drives = np.flatnonzero(table.kind != MotionKind.RAPID)
     for tag, line in state.drill.void:

@@ -8,10 +8,10 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from postproc.arrays import FloatArray, IndexArray, IntArray
+from postproc.arrays import NONE, FloatArray, IndexArray, IntArray, Table
 from postproc.model import Cycle, Event, EventKind, MotionKind, Operation
 from postproc.readers.apt.arcs import ArcRecords
-from postproc.readers.apt.dialect import AxisRule, Dialect
+from postproc.readers.apt.dialect import Dialect
 from postproc.readers.apt.heights import ByTurns, Heights
 from postproc.readers.apt.motion import Motions
 from postproc.readers.apt.resolve import resolve_points
@@ -111,18 +111,17 @@ class EventRecord:
 
 
 @dataclass(slots=True)
-class Columns:
-    """Finished blocks of tags, to be joined at the end."""
+class Tags(Table):
+    """Tags in columns of length n, as in ``ToolPath``; the tools are known at the end."""
 
-    points: list[FloatArray] = field(default_factory=list)
-    axes: list[FloatArray] = field(default_factory=list)
-    kind: list[IntArray] = field(default_factory=list)
-    feed: list[FloatArray] = field(default_factory=list)
-    line: list[IntArray] = field(default_factory=list)
-    operation: list[IntArray] = field(default_factory=list)
-    tool: list[IntArray] = field(default_factory=list)
-    cycle: list[IntArray] = field(default_factory=list)
-    arcs: list[ArcRecords] = field(default_factory=list)
+    points: FloatArray
+    axes: FloatArray
+    kind: IntArray
+    feed: FloatArray
+    line: IntArray
+    operation: IntArray
+    tool: IntArray
+    cycle: IntArray
 
 
 @dataclass(slots=True)
@@ -159,11 +158,11 @@ class AptState(AtLine):
         self, dialect: Dialect, options: ReadOptions, faults: Faults, scale: float, units: str
     ) -> None:
         super().__init__(faults)
-        self.dialect = dialect
-        self.options = options
-        self.scale = scale
-        self.units = units
-        self.columns = Columns()
+        self.dialect, self.options = dialect, options
+        self.scale, self.units = scale, units
+        self.blocks: list[Tags] = []
+        self.arcs: list[ArcRecords] = []
+        """Finished blocks of tags and their arcs, to be joined at the end."""
         self.done = 0
         """Tags in finished blocks."""
         self.at = 0
@@ -271,15 +270,10 @@ class AptState(AtLine):
         cycle[motions.suspends] = -1
         kind[cycle >= 0] = MotionKind.HOLE
         self._check_kinds(motions, kind, arcs)
-        columns = self.columns
-        columns.points.append(points)
-        columns.axes.append(axes)
-        columns.kind.append(kind)
-        columns.feed.append(self.feed.column(k))
-        columns.line.append(lines)
-        columns.operation.append(self.operation.column(k).astype(np.int32))
-        columns.cycle.append(cycle)
-        columns.arcs.append(replace(arcs, tag=arcs.tag + self.done))
+        feed, operation = self.feed.column(k), self.operation.column(k).astype(np.int32)
+        tool = np.full(k, NONE, dtype=np.int32)
+        self.blocks.append(Tags(points, axes, kind, feed, lines, operation, tool, cycle))
+        self.arcs.append(replace(arcs, tag=arcs.tag + self.done))
         self.done += k
         self.at = 0
 
@@ -291,7 +285,7 @@ class AptState(AtLine):
         given = ~np.isnan(points[:, 3])
         if given.any():
             axes[given] = self._normalised(points[given, 3:6], lines[given])
-            if self.dialect.axis_rule is AxisRule.KEEP:
+            if not self.dialect.axis_of_setup:
                 last = np.maximum.accumulate(np.where(given, np.arange(k), -1))
                 kept = (last >= origin) & (last >= 0)
                 axes = np.where(kept[:, None], axes[last], axes)

@@ -6,8 +6,8 @@ import numpy as np
 
 from postproc.arrays import NONE, FloatArray, IndexArray, IntArray
 from postproc.model import Cycle, CycleKind, MotionKind
+from postproc.readers.csv.quantities import Columns
 from postproc.readers.text import Faults
-from postproc.records import dataclass
 from postproc.units import MM
 
 DEFAULT_CLEARANCE = 2.0 * MM
@@ -30,41 +30,27 @@ _MOTIONS = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class HoleColumns:
-    """Columns (n,) in SI units, None where the file has none; ``depth`` NaN = no hole."""
-
-    depth: FloatArray | None
-    diameter: FloatArray | None
-    clearance: FloatArray | None
-    retract: FloatArray | None
-    peck: FloatArray | None
-    dwell: FloatArray | None
-    motion: list[str] | None
-
-
-def motion_kinds(
-    columns: HoleColumns, line: IntArray, faults: Faults
-) -> tuple[IntArray, IntArray, tuple[Cycle, ...]]:
+def motion_kinds(columns: Columns, faults: Faults) -> tuple[IntArray, IntArray, tuple[Cycle, ...]]:
     """Return kind (n,) and cycle (n,) of every row, and the table of cycles.
 
     Raises:
         ReadError: CSV030 for a negative size, CSV031 for an unknown motion, CSV032 for a hole
             without a depth.
     """
+    line = columns.line
     n = len(line)
     kind = np.full(n, MotionKind.LINEAR, dtype=np.int32)
-    if columns.depth is not None:
-        kind[~np.isnan(columns.depth)] = MotionKind.HOLE
-    if columns.motion is not None:
-        named = _named_kinds(columns.motion, line, faults)
+    if "depth" in columns.numbers:
+        kind[~np.isnan(columns.numbers["depth"])] = MotionKind.HOLE
+    if "motion" in columns.texts:
+        named = _named_kinds(columns.texts["motion"], line, faults)
         kind[named >= 0] = named[named >= 0]
     holes = np.flatnonzero(kind == MotionKind.HOLE)
     cycle = np.full(n, NONE, dtype=np.int32)
     if len(holes) == 0:
         return kind, cycle, ()
-    depth = _depths(columns, holes, line, faults)
-    table, index = distinct_rows(_parameters(columns, holes, depth, line, faults))
+    depth = _depths(columns, holes, faults)
+    table, index = distinct_rows(_parameters(columns, holes, depth, faults))
     cycle[holes] = index
     return kind, cycle, tuple(_cycle(row) for row in table.tolist())
 
@@ -92,11 +78,12 @@ def _named_kinds(motion: list[str], line: IntArray, faults: Faults) -> IntArray:
     return np.array([kinds[text] for text in motion], dtype=np.int32)
 
 
-def _depths(columns: HoleColumns, holes: IndexArray, line: IntArray, faults: Faults) -> FloatArray:
-    if columns.depth is None or np.isnan(columns.depth[holes]).any():
-        missing = holes if columns.depth is None else holes[np.isnan(columns.depth[holes])]
-        raise faults.error("CSV032", "a hole without a depth", int(line[missing[0]]))
-    return columns.depth[holes]
+def _depths(columns: Columns, holes: IndexArray, faults: Faults) -> FloatArray:
+    depth = columns.numbers.get("depth", np.full(len(columns.line), np.nan))[holes]
+    missing = holes[np.isnan(depth)]
+    if len(missing):
+        raise faults.error("CSV032", "a hole without a depth", int(columns.line[missing[0]]))
+    return depth
 
 
 def _sizes(values: FloatArray, role: str, line: IntArray, faults: Faults) -> FloatArray:
@@ -109,29 +96,23 @@ def _sizes(values: FloatArray, role: str, line: IntArray, faults: Faults) -> Flo
 
 
 def _parameters(
-    columns: HoleColumns, holes: IndexArray, depth: FloatArray, line: IntArray, faults: Faults
+    columns: Columns, holes: IndexArray, depth: FloatArray, faults: Faults
 ) -> FloatArray:
+    line = columns.line[holes]
+
     def of(role: str, default: float) -> FloatArray:
-        values: FloatArray | None = getattr(columns, role)
-        if values is None:
+        if role not in columns.numbers:
             return np.full(len(holes), default)
-        given = values[holes]
-        return np.where(np.isnan(given), default, _sizes(given, role, line[holes], faults))
+        given = columns.numbers[role][holes]
+        return np.where(np.isnan(given), default, _sizes(given, role, line, faults))
 
     clearance = of("clearance", DEFAULT_CLEARANCE)
     retract = of("retract", DEFAULT_RETRACT)
-    if columns.retract is None:
+    if "retract" not in columns.numbers:
         retract = np.maximum(retract, clearance)
-    return np.column_stack(
-        [
-            _sizes(depth, "depth", line[holes], faults),
-            clearance,
-            retract,
-            of("peck", 0.0),
-            of("dwell", 0.0),
-            of("diameter", -1.0),
-        ]
-    )
+    sizes = _sizes(depth, "depth", line, faults)
+    more = of("peck", 0.0), of("dwell", 0.0), of("diameter", -1.0)
+    return np.column_stack([sizes, clearance, retract, *more])
 
 
 def _cycle(row: list[float]) -> Cycle:

@@ -8,7 +8,7 @@ from dataclasses import field
 
 import numpy as np
 
-from postproc.arrays import FloatArray, IntArray
+from postproc.arrays import FloatArray, IndexArray, IntArray
 from postproc.process import SHALLOW, SMALL
 from postproc.readers.base import LENGTH_UNITS, ReadOptions
 from postproc.readers.csv.columns import POSITION, Column
@@ -48,6 +48,12 @@ class Columns:
     bare: frozenset[str] = frozenset()
     """Roles whose unit is the usual one, for none is said."""
     feeds_per_turn: bool = False
+
+    def kept(self, rows: IndexArray) -> Columns:
+        """Return some of the rows, by index (m,)."""
+        numbers = {role: values[rows] for role, values in self.numbers.items()}
+        texts = {role: [all_[i] for i in rows.tolist()] for role, all_ in self.texts.items()}
+        return Columns(self.line[rows], numbers, texts, self.bare, self.feeds_per_turn)
 
 
 def in_si(columns: list[Column], data: Columns, units: str) -> Columns:

@@ -30,7 +30,7 @@ from postproc.readers.csv.columns import (
     columns_of,
     understood,
 )
-from postproc.readers.csv.holes import HoleColumns, motion_kinds
+from postproc.readers.csv.holes import motion_kinds
 from postproc.readers.csv.orientation import rotations_from, unit_rows
 from postproc.readers.csv.quantities import (
     Columns,
@@ -212,27 +212,25 @@ def toolpath_of(
 ) -> ToolPath:
     """Return the toolpath of rows in SI; ``header``: the words of the file's own, None without."""
     points = np.column_stack([data.numbers[role] for role in POSITION])
-    names, operations = data.texts.get("id"), data.texts.get("operation")
-    rows: IndexArray | slice = slice(None)
+    names = data.texts.get("id")
     others: list[Sequence[object]] = [data.texts[role] for role in KEYS if role in data.texts]
     others += [np.nan_to_num(v, nan=-1.0).tolist() for r, v in data.numbers.items() if r in WORK]
     merged = merged_repeats(names, others, points, data.line, faults) if names else None
+    read = data
     if merged is not None:
-        points, rows = merged
-    line = data.line[rows]
+        points, data = merged[0], data.kept(merged[1])
+    line, texts = data.line, data.texts
     if not options.points_only:
-        check_sizes(points, line, data, options, faults)
+        check_sizes(points, line, read, options, faults)
     _warn_if_far(points, line, faults)
-    axes, rotations = _orientation(data, points, rows, options, faults)
-    holes = _hole_columns(data, rows)
-    kind, cycle, cycles = motion_kinds(holes, line, faults)
-    operation, runs = operation_runs(_texts_of(operations, rows), line)
-    tool, tools, changes = tool_calls(_texts_of(data.texts.get("tool"), rows), line, faults)
-    setup, setups = setup_calls(_texts_of(data.texts.get("base"), rows), line)
-    speeds = data.numbers["spindle"][rows] if "spindle" in data.numbers else None
-    turns = turns_of(speeds, _texts_of(data.texts.get("sense"), rows), line, faults)
+    axes, rotations = _orientation(data, points, options, faults)
+    kind, cycle, cycles = motion_kinds(data, faults)
+    operation, runs = operation_runs(texts.get("operation"), line)
+    tool, tools, changes = tool_calls(texts.get("tool"), line, faults)
+    setup, setups = setup_calls(texts.get("base"), line)
+    turns = turns_of(data.numbers.get("spindle"), texts.get("sense"), line, faults)
     events = sorted((*changes, *spindle_events(turns, line)), key=lambda event: event.index)
-    kept_names = _texts_of(names, rows)
+    diameter = data.numbers.get("diameter")
     return ToolPath(
         path=path,
         name=Path(path).stem,
@@ -242,7 +240,7 @@ def toolpath_of(
         points=points,
         axes=axes,
         kind=kind,
-        feed=_feeds(data, rows, turns, kind, faults),
+        feed=_feeds(data, turns, kind, faults),
         line=line,
         operation=operation,
         tool=tool,
@@ -255,35 +253,14 @@ def toolpath_of(
         setup=setup,
         setups=setups,
         rotations=rotations,
-        names=tuple(kept_names) if kept_names else None,
+        names=tuple(texts["id"]) if texts.get("id") else None,
         words={} if header is None else dict.fromkeys(header, 1),
-        extra={} if holes.diameter is None else {"diameter": holes.diameter},
+        extra={} if diameter is None else {"diameter": diameter},
         unknown_words={use.word: 1 for use in uses},
         word_uses=uses,
         assumed=assumptions(data.bare, options),
         warnings=faults.warnings,
         recovered=faults.fixes,
-    )
-
-
-def _texts_of(texts: list[str] | None, rows: IndexArray | slice) -> list[str] | None:
-    if texts is None or isinstance(rows, slice):
-        return texts
-    return [texts[row] for row in rows.tolist()]
-
-
-def _hole_columns(data: Columns, rows: IndexArray | slice) -> HoleColumns:
-    def of(role: str) -> FloatArray | None:
-        return data.numbers[role][rows] if role in data.numbers else None
-
-    return HoleColumns(
-        depth=of("depth"),
-        diameter=of("diameter"),
-        clearance=of("clearance"),
-        retract=of("retract"),
-        peck=of("peck"),
-        dwell=of("dwell"),
-        motion=_texts_of(data.texts.get("motion"), rows),
     )
 
 
@@ -299,22 +276,18 @@ def _warn_if_far(points: FloatArray, line: IntArray, faults: Faults) -> None:
 
 
 def _orientation(
-    data: Columns,
-    points: FloatArray,
-    rows: IndexArray | slice,
-    options: ReadOptions,
-    faults: Faults,
+    data: Columns, points: FloatArray, options: ReadOptions, faults: Faults
 ) -> tuple[FloatArray, FloatArray | None]:
     """Return the tool axes (n, 3), and the rotations (n, 3, 3) where the file gives them."""
-    line = data.line[rows]
+    line = data.line
     forms = [form for form in (NORMAL, *ORIENTATIONS) if set(form) <= set(data.numbers)]
     if len(forms) > 1:
         text = f"two orientations, {','.join(forms[0])} and {','.join(forms[1])}"
         raise faults.error("CSV024", text, 1, hint="choose with --columns, - leaves a column out")
     if not forms:
-        return _normals_of_surface(data, points, rows, options, faults), None
+        return _normals_of_surface(data, points, options, faults), None
     form = forms[0]
-    values = np.column_stack([data.numbers[role][rows] for role in form])
+    values = np.column_stack([data.numbers[role] for role in form])
     empty = np.flatnonzero(np.isnan(values).any(axis=1))
     if len(empty):
         raise faults.error("CSV025", "no orientation in this row", int(line[empty[0]]))
@@ -326,11 +299,7 @@ def _orientation(
 
 
 def _normals_of_surface(
-    data: Columns,
-    points: FloatArray,
-    rows: IndexArray | slice,
-    options: ReadOptions,
-    faults: Faults,
+    data: Columns, points: FloatArray, options: ReadOptions, faults: Faults
 ) -> FloatArray:
     partial = [role for role in (*NORMAL, "a", "b", "c") if role in data.numbers]
     if options.points_only and not partial and options.surface_normals is None:
@@ -344,29 +313,23 @@ def _normals_of_surface(
             1,
             hint="add the columns, or give the cell a workpiece mesh to take the normals from",
         )
-    bases = _texts_of(data.texts.get("base"), rows)
+    bases = data.texts.get("base")
     found = options.surface_normals(points, bases) if bases else options.surface_normals(points)
     normals = np.asarray(found, dtype=np.float64)
     faults.warn("CSV111", "no orientation in this file: normals are those of the workpiece mesh", 1)
-    return unit_rows(normals, "normal of the mesh", data.line[rows], faults)
+    return unit_rows(normals, "normal of the mesh", data.line, faults)
 
 
-def _feeds(
-    data: Columns,
-    rows: IndexArray | slice,
-    turns: FloatArray | None,
-    kind: IntArray,
-    faults: Faults,
-) -> FloatArray:
+def _feeds(data: Columns, turns: FloatArray | None, kind: IntArray, faults: Faults) -> FloatArray:
     """Return the feed (n,) [m/s], NaN for rapids and where none is given."""
     if "feed" not in data.numbers:
         return np.full(len(kind), np.nan)
-    feed: FloatArray = data.numbers["feed"][rows] * 1.0
+    feed: FloatArray = data.numbers["feed"] * 1.0
     if data.feeds_per_turn:
         feed *= np.abs(np.nan_to_num(turns)) if turns is not None else 0.0
     wrong = np.flatnonzero(feed <= 0.0)
     if len(wrong):
-        here = int(data.line[rows][wrong[0]])
+        here = int(data.line[wrong[0]])
         raise faults.error(
             "CSV034", "a feed, and the turns that one is per, must be above zero", here
         )

@@ -51,7 +51,7 @@ class Faults:
 
     def warn(self, code: str, message: str, line: int) -> None:
         """Keep a warning; the same again only counts."""
-        self._keep(self._warnings, Severity.WARNING, code, message, line)
+        self._keep(self._warnings, code, message, line)
 
     def fix(self, code: str, message: str, done: str, line: int, text: str = "") -> None:
         """Record a fault that has one possible meaning.
@@ -68,20 +68,15 @@ class Faults:
         """
         if not self.recover:
             raise self.error(code, message, line, text, f"--recover reads it so: {done}")
-        self._keep(self._fixes, Severity.WARNING, code, f"{message}; {done}", line)
+        self._keep(self._fixes, code, f"{message}; {done}", line)
 
     def _keep(
-        self,
-        store: dict[tuple[str, str], _Kept],
-        severity: Severity,
-        code: str,
-        message: str,
-        line: int,
+        self, store: dict[tuple[str, str], _Kept], code: str, message: str, line: int
     ) -> None:
         known = store.get((code, message))
         if known is None:
             source = SourceRef(self.path, line)
-            store[code, message] = _Kept(Finding(severity, code, message, source=source))
+            store[code, message] = _Kept(Finding(Severity.WARNING, code, message, source=source))
         else:
             known.count += 1
 
