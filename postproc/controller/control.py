@@ -7,10 +7,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import field
 from typing import Any
 
-from postproc.controller.flow import LOOPS, Flow
+from postproc.controller.flow import Flow
 from postproc.controller.runtime import UNKNOWN, Evaluator, Variables
 from postproc.errors import RunKind, Severity
-from postproc.krl import Control, KrlModule, Node, Routine, Statement, parse_expression
+from postproc.krl import LOOPS, Control, KrlModule, Node, Routine, Statement, parse_expression
 from postproc.records import dataclass
 
 _FOR = re.compile(r"(.+?)=(.+?)\bTO\b(.+?)(?:\bSTEP\b(.+))?$", re.IGNORECASE)

@@ -4,19 +4,8 @@ from __future__ import annotations
 
 from dataclasses import field
 
-from postproc.krl import Control, Routine
+from postproc.krl import BRANCHES, CLOSERS, LOOPS, OPENERS, Control, Routine
 from postproc.records import dataclass
-
-_OPENERS = {
-    "IF": "ENDIF",
-    "FOR": "ENDFOR",
-    "LOOP": "ENDLOOP",
-    "WHILE": "ENDWHILE",
-    "REPEAT": "UNTIL",
-    "SWITCH": "ENDSWITCH",
-}
-_CLOSERS = {closer: opener for opener, closer in _OPENERS.items()}
-LOOPS = frozenset({"FOR", "LOOP", "WHILE", "REPEAT"})
 
 
 @dataclass(slots=True)
@@ -52,17 +41,16 @@ def flow_of(routine: Routine) -> Flow:
 
 def _place(flow: Flow, stack: list[tuple[int, str]], index: int, statement: Control) -> None:
     word = statement.word
-    if word in _OPENERS:
+    if word in CLOSERS:
         stack.append((index, word))
-    elif word in _CLOSERS:
-        if not stack or stack[-1][1] != _CLOSERS[word]:
+    elif word in OPENERS:
+        if not stack or stack[-1][1] != OPENERS[word]:
             flow.broken.append(index)
             return
         opener, _ = stack.pop()
         flow.end[opener], flow.start[index] = index, opener
-    elif word in ("ELSE", "CASE", "DEFAULT"):
-        wanted = "IF" if word == "ELSE" else "SWITCH"
-        if not stack or stack[-1][1] != wanted:
+    elif word in BRANCHES:
+        if not stack or stack[-1][1] != BRANCHES[word]:
             flow.broken.append(index)
             return
         flow.owner[index] = stack[-1][0]

@@ -133,8 +133,8 @@ class Interpreter:
             krl.Assign: self.assign,
             krl.Call: self._call,
             krl.WaitSec: self._wait,
-            krl.WaitFor: self._wait_for,
-            krl.Halt: self._halt,
+            krl.WaitFor: lambda wait: self._stand(EventWord.WAIT_FOR, wait.condition),
+            krl.Halt: lambda _: self._stand(EventWord.HALT, "HALT"),
             krl.Declaration: self._memory.declare,
             krl.Trigger: self._trigger,
             krl.Interrupt: self._interrupt,
@@ -542,12 +542,6 @@ class Interpreter:
         elif number > MAX_WAIT:
             self.finding(RunKind.WAIT, f"a wait of {number:g} s, expected at most {MAX_WAIT:g} s")
         self._stand(EventWord.DWELL, "WAIT SEC", number)
-
-    def _wait_for(self, statement: krl.WaitFor) -> None:
-        self._stand(EventWord.WAIT_FOR, statement.condition)
-
-    def _halt(self, _statement: krl.Halt) -> None:
-        self._stand(EventWord.HALT, "HALT")
 
     def _stand(self, word: EventWord, name: str, value: float = math.nan) -> None:
         """Record what stops the advance run, or does not behind CONTINUE."""

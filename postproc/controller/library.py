@@ -10,43 +10,18 @@ from postproc.krl import Aggregate, initial_values, system_variable
 from postproc.records import dataclass
 from postproc.units import PERCENT
 
-SILENT = frozenset(
-    {
-        "IR_STOPM",
-        "SET_CD_PARAMS",
-        "SPTP_OUT",
-        "CWRITE",
-        "CREAD",
-        "SWRITE",
-        "SREAD",
-        "MSGNOTIFY",
-        "MSGDIALOG",
-        "MSGQUIT",
-        "VARSTATE",
-        "ERR_CLEAR",
-        "RSITECHIDLE",
-    }
-)
+_SILENT = """
+IR_STOPM SET_CD_PARAMS SPTP_OUT CWRITE CREAD SWRITE SREAD MSGNOTIFY MSGDIALOG MSGQUIT VARSTATE
+ERR_CLEAR RSITECHIDLE
+"""
+SILENT = frozenset(_SILENT.split())
 """Routines of the controller that neither move the robot nor belong to the process."""
 
 
-QUIET = frozenset(
-    {
-        "SIGNAL",
-        "STRUC",
-        "ENUM",
-        "IMPORT",
-        "CHANNEL",
-        "ANOUT",
-        "CONFIRM",
-        "COPEN",
-        "CCLOSE",
-        "CREAD",
-        "CWRITE",
-        "SREAD",
-        "SWRITE",
-    }
-)
+_QUIET = """
+SIGNAL STRUC ENUM IMPORT CHANNEL ANOUT CONFIRM COPEN CCLOSE CREAD CWRITE SREAD SWRITE
+"""
+QUIET = frozenset(_QUIET.split())
 """Instructions without brackets, by their first word, that neither move the robot nor change how
 it moves: declarations, outputs, channels."""
 DECLARING = frozenset({"SIGNAL", "STRUC", "ENUM", "IMPORT", "CHANNEL"})
@@ -72,7 +47,7 @@ class NumberedFrame:
     number: Any
 
 
-def _speed(arguments: list[Any]) -> Any:  # noqa: ANN401 - a KRL value
+def _data(arguments: list[Any]) -> Any:  # noqa: ANN401 - a KRL value
     return arguments[0] if arguments else UNKNOWN
 
 
@@ -81,31 +56,27 @@ def _path_speed(arguments: list[Any]) -> Any:  # noqa: ANN401
 
 
 def _tool(arguments: list[Any]) -> Any:  # noqa: ANN401
-    fdat = arguments[0] if arguments else UNKNOWN
+    fdat = _data(arguments)
     number = component(fdat, "TOOL_NO") if isinstance(fdat, Aggregate) else fdat
     return NumberedFrame(number)
 
 
 def _base(arguments: list[Any]) -> Any:  # noqa: ANN401
-    return NumberedFrame(arguments[0] if arguments else UNKNOWN)
-
-
-def _data(arguments: list[Any]) -> Any:  # noqa: ANN401
-    return arguments[0] if arguments else UNKNOWN
+    return NumberedFrame(_data(arguments))
 
 
 def _part(name: str) -> Callable[[list[Any]], Any]:
     """Return a function that gives a component of a PDAT or LDAT, or the value itself."""
 
     def part(arguments: list[Any]) -> Any:  # noqa: ANN401
-        value = arguments[0] if arguments else UNKNOWN
+        value = _data(arguments)
         return component(value, name) if isinstance(value, Aggregate) else value
 
     return part
 
 
 def _path_acceleration(arguments: list[Any]) -> Any:  # noqa: ANN401
-    value: Any = arguments[0] if arguments else UNKNOWN
+    value = _data(arguments)
     if isinstance(value, Aggregate) and value.get("ACC") is None:
         return value
     share = component(value, "ACC")
@@ -119,7 +90,7 @@ def _nothing(_arguments: list[Any]) -> Any:  # noqa: ANN401
 
 
 _FUNCTIONS: dict[str, Callable[[list[Any]], Any]] = {
-    "SVEL_JOINT": _speed,
+    "SVEL_JOINT": _data,
     "SVEL_CP": _path_speed,
     "STOOL": _tool,
     "STOOL2": _tool,

@@ -13,20 +13,8 @@ from postproc.errors import RunKind, Severity
 from postproc.krl import Assign, Axes, Expr, Move, MoveWord, Pose, SplineBegin, SplineEnd
 
 MOTION_TYPES = {
-    MoveWord.PTP: MotionType.PTP,
-    MoveWord.SPTP: MotionType.PTP,
-    MoveWord.LIN: MotionType.LIN,
-    MoveWord.SLIN: MotionType.LIN,
-    MoveWord.CIRC: MotionType.CIRC,
-    MoveWord.SCIRC: MotionType.CIRC,
-    MoveWord.SPL: MotionType.SPL,
-    MoveWord.PTP_REL: MotionType.PTP,
-    MoveWord.SPTP_REL: MotionType.PTP,
-    MoveWord.LIN_REL: MotionType.LIN,
-    MoveWord.SLIN_REL: MotionType.LIN,
-    MoveWord.CIRC_REL: MotionType.CIRC,
-    MoveWord.SCIRC_REL: MotionType.CIRC,
-    MoveWord.SPL_REL: MotionType.SPL,
+    word: MotionType[word.removesuffix("_REL").removeprefix("S").replace("PL", "SPL")]
+    for word in MoveWord
 }
 
 

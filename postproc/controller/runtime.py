@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 from postproc import krl
 from postproc.arrays import FloatArray
@@ -29,17 +29,7 @@ class _Unknown:
 
 UNKNOWN = _Unknown()
 Indices = tuple[int, ...]
-POSE_FIELDS = {
-    "X": "x_mm",
-    "Y": "y_mm",
-    "Z": "z_mm",
-    "A": "a_deg",
-    "B": "b_deg",
-    "C": "c_deg",
-    "S": "status",
-    "T": "turn",
-}
-AXES_FIELDS = {f"A{i}": f"a{i}_deg" for i in range(1, 7)}
+Point = TypeVar("Point", krl.Pose, krl.Axes)
 _HELD: dict[str, tuple[type, ...]] = {
     "BOOL": (bool,),
     "CHAR": (krl.Text,),
@@ -199,7 +189,7 @@ def component(value: Any, name: str) -> Any:  # noqa: ANN401
         if len(name) == 2 and name[0] == "E":
             number = int(name[1]) if name[1].isdigit() else 0
             return value.external[number - 1] if 0 < number <= len(value.external) else UNKNOWN
-        fields = POSE_FIELDS if isinstance(value, krl.Pose) else AXES_FIELDS
+        fields = krl.FIELDS[type(value)]
         found = getattr(value, fields[name]) if name in fields else None
         return UNKNOWN if found is None else found
     if isinstance(value, krl.Aggregate):
@@ -217,10 +207,8 @@ def with_component(value: Any, path: tuple[str, ...], new: Any) -> Any:  # noqa:
     is_number = isinstance(inner, int | float) and not isinstance(inner, bool)
     if isinstance(value, krl.Pose | krl.Axes) and not is_number:
         return UNKNOWN
-    if isinstance(value, krl.Pose) and name in POSE_FIELDS:
-        return replace(value, **{POSE_FIELDS[name]: inner})
-    if isinstance(value, krl.Axes) and name in AXES_FIELDS:
-        return replace(value, **{AXES_FIELDS[name]: inner})
+    if isinstance(value, krl.Pose | krl.Axes) and name in krl.FIELDS[type(value)]:
+        return replace(value, **{krl.FIELDS[type(value)][name]: inner})
     if isinstance(value, krl.Pose | krl.Axes) and name in {f"E{i}" for i in range(1, 7)}:
         external = list(value.external) + [0.0] * max(0, int(name[1]) - len(value.external))
         external[int(name[1]) - 1] = inner
@@ -342,16 +330,9 @@ def pose_of(T: FloatArray) -> krl.Pose:
     return krl.Pose(*xyz.tolist(), *abc.tolist())
 
 
-def pose_with(values: Sequence[float | None], like: krl.Pose) -> krl.Pose:
-    """Return a pose of X..C [mm, deg] with the rest of another."""
-    x, y, z, a, b, c = values
-    return replace(like, x_mm=x, y_mm=y, z_mm=z, a_deg=a, b_deg=b, c_deg=c)
-
-
-def axes_with(values: Sequence[float | None], like: krl.Axes) -> krl.Axes:
-    """Return joint angles A1..A6 [deg] with the rest of others."""
-    a1, a2, a3, a4, a5, a6 = values
-    return replace(like, a1_deg=a1, a2_deg=a2, a3_deg=a3, a4_deg=a4, a5_deg=a5, a6_deg=a6)
+def point_with(values: Sequence[float | None], like: Point) -> Point:
+    """Return a point of other six numbers [mm, deg], with the rest of a point like it."""
+    return replace(like, **dict(zip(krl.FIELDS[type(like)].values(), values, strict=False)))  # type: ignore[arg-type]
 
 
 def text_of(value: Any) -> str:  # noqa: ANN401

@@ -330,16 +330,14 @@ class MotionState:
             self.select_base(argument)
         elif command in ("VEL_PTP", "ACC_PTP", "VEL_CP", "ACC_CP"):
             self._speed(command, argument)
-        elif command in ("PTP_PARAMS", "CP_PARAMS"):
-            point_to_point = command == "PTP_PARAMS"
-            self.motion_data(active.get("PDAT_ACT" if point_to_point else "LDAT_ACT", UNKNOWN))
-            self.frame_data(active.get("FDAT_ACT", UNKNOWN))
-            self._speed("VEL_PTP" if point_to_point else "VEL_CP", argument)
-        elif command in ("PTP_DAT", "CP_DAT"):
-            name = "PDAT_ACT" if command == "PTP_DAT" else "LDAT_ACT"
-            self.motion_data(active.get(name, UNKNOWN))
-        elif command == "FRAMES":
-            self.frame_data(active.get("FDAT_ACT", UNKNOWN))
+        elif command in ("PTP_PARAMS", "CP_PARAMS", "PTP_DAT", "CP_DAT", "FRAMES"):
+            is_ptp = command.startswith("PTP")
+            if command != "FRAMES":
+                self.motion_data(active.get("PDAT_ACT" if is_ptp else "LDAT_ACT", UNKNOWN))
+            if not command.endswith("_DAT"):
+                self.frame_data(active.get("FDAT_ACT", UNKNOWN))
+            if command.endswith("_PARAMS"):
+                self._speed("VEL_PTP" if is_ptp else "VEL_CP", argument)
         else:
             return False
         return True

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.controller.recorder import Numbers
-from postproc.controller.runtime import UNKNOWN, axes_with, matrix_of, pose_of, pose_with
+from postproc.controller.runtime import UNKNOWN, Point, matrix_of, point_with, pose_of
 from postproc.controller.state import MotionState
 from postproc.geometry import inverse
 from postproc.kinematics import Kinematics
@@ -68,8 +68,8 @@ class Targets:
             now = self.axes_now()
             if now is None:
                 return None
-            moved = [a + (b or 0.0) for a, b in zip(now, shift.angles_deg, strict=True)]
-            return axes_with(moved, shift)
+            moved = [a + (b or 0.0) for a, b in zip(now, shift.six, strict=True)]
+            return point_with(moved, shift)
         if not isinstance(shift, Pose):
             return None
         T_base_tcp = self.pose_now()
@@ -88,7 +88,7 @@ class Targets:
         if self._last is None:
             return None
         if isinstance(self._last, Axes):
-            q = np.array(self._last.angles_deg, dtype=np.float64) * DEG
+            q = np.array(self._last.six, dtype=np.float64) * DEG
             T_robroot_flange = self._kinematics.fk(q)
         else:
             same = (
@@ -107,7 +107,7 @@ class Targets:
     def axes_now(self) -> tuple[float, ...] | None:
         """Return A1..A6 [deg] where the robot stands, None if not known."""
         if isinstance(self._last, Axes):
-            return tuple(float(a or 0.0) for a in self._last.angles_deg)
+            return tuple(float(a or 0.0) for a in self._last.six)
         q = self._joints_now() if self._last is not None else None
         return None if q is None else tuple((q / DEG).tolist())
 
@@ -117,7 +117,7 @@ class Targets:
             T = self.pose_now()
             return UNKNOWN if T is None else pose_of(T)
         axes = self.axes_now()
-        return UNKNOWN if axes is None else axes_with(axes, Axes())
+        return UNKNOWN if axes is None else point_with(axes, Axes())
 
     def _filled_pose(self, target: Pose) -> Pose | None:
         T = self.pose_now()
@@ -126,38 +126,19 @@ class Targets:
         here = pose_of(T)
         if isinstance(self._last, Pose) and self._T_robroot_base is self._state.T_robroot_base:
             here = self._last  # the numbers as written, without a round trip
-        values = [
-            b if a is None else a
-            for a, b in (
-                (target.x_mm, here.x_mm),
-                (target.y_mm, here.y_mm),
-                (target.z_mm, here.z_mm),
-                (target.a_deg, here.a_deg),
-                (target.b_deg, here.b_deg),
-                (target.c_deg, here.c_deg),
-            )
-        ]
-        return pose_with(values, target)
+        return _filled(target, here.six)
 
     def _filled_axes(self, target: Axes) -> Axes | None:
         now = self.axes_now()
-        if now is None:
-            return None
-        values = [b if a is None else a for a, b in zip(target.angles_deg, now, strict=True)]
-        return axes_with(values, target)
+        return None if now is None else _filled(target, now)
 
 
 def numbers_of(target: Pose | Axes) -> Numbers:
     """Return the six numbers of a complete target, NaN for what is missing."""
-    if isinstance(target, Pose):
-        values = (
-            target.x_mm,
-            target.y_mm,
-            target.z_mm,
-            target.a_deg,
-            target.b_deg,
-            target.c_deg,
-        )
-    else:
-        values = target.angles_deg  # type: ignore[assignment]
-    return tuple(math.nan if v is None else v for v in values)  # type: ignore[return-value]
+    return tuple(math.nan if v is None else v for v in target.six)  # type: ignore[return-value]
+
+
+def _filled(target: Point, here: Sequence[float | None]) -> Point:
+    """Return a target whose missing numbers are those of where the robot stands."""
+    values = [b if a is None else a for a, b in zip(target.six, here, strict=True)]
+    return point_with(values, target)

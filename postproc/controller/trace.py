@@ -17,8 +17,6 @@ from postproc.errors import Finding
 from postproc.krl import Aggregate, Axes, Pose
 from postproc.records import dataclass
 
-"""Indices of motions or samples."""
-
 
 class MotionType(IntEnum):
     """How the robot gets to the target of a motion."""

@@ -11,8 +11,6 @@ from postproc.krl.rules.part import Part, bas, key_of
 from postproc.krl.rules.scope import Place
 from postproc.krl.rules.subject import ERROR, WARNING, Subject
 
-_OPENING = frozenset({"IF", "FOR", "LOOP", "WHILE", "REPEAT", "SWITCH"})
-_CLOSING = frozenset({"ENDIF", "ENDFOR", "ENDLOOP", "ENDWHILE", "UNTIL", "ENDSWITCH"})
 _WITHOUT_NUMBER = frozenset({"INITMOV", "FRAMES", "PTP_DAT", "CP_DAT", "OUT_SYNC", "OUT_ASYNC"})
 """Commands of BAS that read no second parameter."""
 
@@ -149,5 +147,5 @@ def _needed(part: Part) -> Iterator[str]:
             read |= {node.name for node in used if isinstance(node, krl.Reference)} & parameters
         if word in ("RETURN", "GOTO"):
             break
-        depth += (word in _OPENING) - (word in _CLOSING)
+        depth += (word in krl.CLOSERS) - (word in krl.OPENERS)
     return iter(() if asked else read)

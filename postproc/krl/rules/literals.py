@@ -175,9 +175,5 @@ def _said(statement: krl.Statement) -> str:
 
 
 def _has_minus_zero(value: krl.Pose | krl.Axes) -> bool:
-    if isinstance(value, krl.Axes):
-        own: Iterable[float | None] = value.angles_deg
-    else:
-        own = (value.x_mm, value.y_mm, value.z_mm, value.a_deg, value.b_deg, value.c_deg)
-    numbers = (*own, *value.external)
+    numbers = (*value.six, *value.external)
     return 0.0 in numbers and any(n == 0.0 and math.copysign(1.0, n) < 0.0 for n in numbers)

@@ -9,16 +9,6 @@ from postproc.krl.rules.part import Part
 from postproc.krl.rules.subject import ERROR, Subject
 
 _FOREIGN = re.compile(r"^(INI\s*$|//|[NG]\d+\b|.*\bVel=|M\d+\s*$|%)", re.IGNORECASE)
-_PARTNERS = {
-    "ENDIF": "IF",
-    "ENDFOR": "FOR",
-    "ENDLOOP": "LOOP",
-    "ENDWHILE": "WHILE",
-    "UNTIL": "REPEAT",
-    "ENDSWITCH": "SWITCH",
-}
-_INSIDE = {"ELSE": "IF", "CASE": "SWITCH", "DEFAULT": "SWITCH"}
-_LOOPS = frozenset({"FOR", "LOOP", "WHILE", "REPEAT"})
 _QUIET = (krl.Comment, krl.Blank, krl.FoldBegin, krl.FoldEnd)
 _DECLARING = frozenset({"SIGNAL", "STRUC", "ENUM", "CHANNEL", "IMPORT"})
 _DATA = (krl.Declaration, krl.External, krl.Raw, krl.Assign)
@@ -66,13 +56,15 @@ def _control(
     subject: Subject, module: krl.KrlModule, stack: list[tuple[str, int]], statement: krl.Control
 ) -> None:
     word = statement.word
-    if word in _PARTNERS.values():
+    if word in krl.CLOSERS:
         stack.append((word, statement.line))
-    elif word in _PARTNERS:
-        _close(subject, module, stack, _PARTNERS[word], word, statement.line)
-    elif word in _INSIDE and (not stack or stack[-1][0] != _INSIDE[word]):
-        subject.add(2, ERROR, module.src_path, statement.line, f"{word} outside {_INSIDE[word]}")
-    elif word == "EXIT" and not any(opener in _LOOPS for opener, _ in stack):
+    elif word in krl.OPENERS:
+        _close(subject, module, stack, krl.OPENERS[word], word, statement.line)
+    elif word in krl.BRANCHES and (not stack or stack[-1][0] != krl.BRANCHES[word]):
+        subject.add(
+            2, ERROR, module.src_path, statement.line, f"{word} outside {krl.BRANCHES[word]}"
+        )
+    elif word == "EXIT" and not any(opener in krl.LOOPS for opener, _ in stack):
         subject.add(2, ERROR, module.src_path, statement.line, "EXIT outside a loop")
 
 

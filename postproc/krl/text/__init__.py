@@ -16,6 +16,11 @@ from postproc.krl.text.literals import components, pose_or_axes, table_of
 from postproc.krl.text.names import NameAllocator, comment_text, legal_name
 from postproc.krl.text.parse import load_modules, parse_files, parse_module, require_sound
 from postproc.krl.text.program import (
+    BRANCHES,
+    CLOSERS,
+    FIELDS,
+    LOOPS,
+    OPENERS,
     Aggregate,
     Assign,
     Axes,

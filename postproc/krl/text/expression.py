@@ -81,10 +81,11 @@ class ExpressionParser:
 
     Args:
         text: the line of code.
+        line: its number.
     """
 
-    def __init__(self, text: str) -> None:
-        self.text = text
+    def __init__(self, text: str, line: int = 0) -> None:
+        self.text, self.line = text, line
         self.tokens = tokenise(text)
         self.at = 0
         self._depth = 0

@@ -10,17 +10,17 @@ import math
 import re
 from collections.abc import Iterator, Sequence
 from itertools import chain
-from operator import attrgetter
 
 import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.krl.text.lexer import KrlSyntaxError
-from postproc.krl.text.program import Axes, Pose
+from postproc.krl.text.program import FIELDS, Axes, Pose
 
-_POSE_SLOTS = {name: slot for slot, name in enumerate(("X", "Y", "Z", "A", "B", "C", "S", "T"))}
-_POSE_SLOTS |= {f"E{i}": 7 + i for i in range(1, 7)}
-_AXIS_SLOTS = {f"A{i}": i - 1 for i in range(1, 7)} | {f"E{i}": 5 + i for i in range(1, 7)}
+_EXTERNAL = [f"E{i}" for i in range(1, 7)]
+_POSE_SLOTS, _AXIS_SLOTS = (
+    {name: slot for slot, name in enumerate([*FIELDS[kind], *_EXTERNAL])} for kind in (Pose, Axes)
+)
 _N = r"([-+]?\d{1,9}+(?:\.\d{0,9}+)?+)"
 PLAIN_LITERALS: tuple[tuple[str, type[Pose] | type[Axes]], ...] = (
     (rf"\{{X {_N},Y {_N},Z {_N},A {_N},B {_N},C {_N}\}}", Pose),
@@ -125,36 +125,18 @@ def bits(text: str) -> int:
 
 def components(value: Pose | Axes) -> Iterator[tuple[str, float]]:
     """Yield name and number of every component that is written."""
-    if isinstance(value, Pose):
-        named: tuple[tuple[str, float | None], ...] = (
-            ("X", value.x_mm),
-            ("Y", value.y_mm),
-            ("Z", value.z_mm),
-            ("A", value.a_deg),
-            ("B", value.b_deg),
-            ("C", value.c_deg),
-            ("S", value.status),
-            ("T", value.turn),
-        )
-    else:
-        named = tuple((f"A{i}", angle) for i, angle in enumerate(value.angles_deg, 1))
-    for name, number_ in named:
-        if number_ is not None:
-            yield name, number_
-    for index, number_ in enumerate(value.external, 1):
-        yield f"E{index}", number_
+    more = (value.status, value.turn) if isinstance(value, Pose) else ()
+    named = [*zip(FIELDS[type(value)], (*value.six, *more), strict=True)]
+    yield from ((name, number_) for name, number_ in named if number_ is not None)
+    yield from zip(_EXTERNAL, value.external, strict=False)
 
 
 _INT = 2.0**31
-_SIX = {
-    Pose: attrgetter("x_mm", "y_mm", "z_mm", "a_deg", "b_deg", "c_deg"),
-    Axes: attrgetter("a1_deg", "a2_deg", "a3_deg", "a4_deg", "a5_deg", "a6_deg"),
-}
 
 
 def table_of(points: Sequence[Pose | Axes]) -> FloatArray:
     """Return X to C or A1 to A6 (n, 6) [mm, deg] of points, NaN where one is not written."""
-    rows = [_SIX[type(point)](point) for point in points]
+    rows = [point.six for point in points]
     try:
         flat = np.fromiter(chain.from_iterable(rows), np.float64, 6 * len(rows))
     except TypeError:  # one is not written

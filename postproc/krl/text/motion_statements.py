@@ -42,25 +42,18 @@ def plain_move(line: str, number: int) -> Move | None:
     for pattern, kind in _PLAIN_LINES:
         match = pattern.fullmatch(line)
         if match is not None:
-            word, first, second, third, fourth, fifth, sixth, blend, comment = match.groups()
-            target = kind(
-                float(first),
-                float(second),
-                float(third),
-                float(fourth),
-                float(fifth),
-                float(sixth),
-            )
+            word, blend, comment = match.group(1, 8, 9)
+            first, second, third, fourth, fifth, sixth = map(float, match.group(2, 3, 4, 5, 6, 7))
+            target = kind(first, second, third, fourth, fifth, sixth)
             return Move(
                 MOVES[word], target, blend=_ALONE[blend], comment=comment or "", line=number
             )
     return None
 
 
-def move(code: str, comment: str, line: int) -> Statement:
-    """Return a motion."""
-    parser = ExpressionParser(code)
-    word = MOVES[parser.take().text.upper()]
+def move(parser: ExpressionParser) -> Statement:
+    """Return a motion, its word taken."""
+    word = MOVES[parser.tokens[0].text.upper()]
     auxiliary: Value | None = None
     angle: Value | None = None
     target = parser.value()
@@ -71,18 +64,7 @@ def move(code: str, comment: str, line: int) -> Statement:
         parser.expect("CA")
         angle = parser.value()
     blend, frame, settings = _move_tail(parser)
-    parser.finish()
-    return Move(
-        word=word,
-        target=target,
-        auxiliary=auxiliary,
-        angle_deg=angle,
-        blend=blend,
-        settings=settings,
-        frame=frame,
-        comment=comment,
-        line=line,
-    )
+    return Move(word, target, auxiliary, angle, blend, settings, frame)
 
 
 def _move_tail(parser: ExpressionParser) -> tuple[tuple[str, ...], str, tuple[Assign, ...]]:
@@ -117,22 +99,15 @@ def _settings(parser: ExpressionParser) -> tuple[Assign, ...]:
             return tuple(found)
 
 
-def spline(code: str, comment: str, line: int) -> Statement:
-    """Return the head of a spline block."""
-    parser = ExpressionParser(code)
-    word = parser.take().text.upper()
+def spline(parser: ExpressionParser) -> Statement:
+    """Return the head of a spline block, its word taken."""
     settings = _settings(parser) if parser.word() == "WITH" else ()
-    parser.finish()
-    return SplineBegin(word=word, settings=settings, comment=comment, line=line)
+    return SplineBegin(parser.tokens[0].text.upper(), settings)
 
 
-def end_spline(code: str, comment: str, line: int) -> Statement:
-    """Return the end of a spline block."""
-    parser = ExpressionParser(code)
-    parser.take()
-    blend, _, _ = _move_tail(parser)
-    parser.finish()
-    return SplineEnd(blend=blend, comment=comment, line=line)
+def end_spline(parser: ExpressionParser) -> Statement:
+    """Return the end of a spline block, its word taken."""
+    return SplineEnd(_move_tail(parser)[0])
 
 
 def written(text: str) -> str:

@@ -23,6 +23,11 @@ from postproc.records import record
 # --------------------------------------------------------------------------------------- values
 
 
+_Number: TypeAlias = float | None
+Six: TypeAlias = tuple[_Number, _Number, _Number, _Number, _Number, _Number]
+"""What a point says first; None where it does not."""
+
+
 @record(frozen=True, slots=True)
 class Pose:
     """A FRAME, POS or E6POS literal; ``None`` marks a component that is not written.
@@ -43,9 +48,14 @@ class Pose:
     type_name: str = ""
 
     @property
+    def six(self) -> Six:
+        """X, Y, Z, A, B, C [mm, deg]."""
+        return self.x_mm, self.y_mm, self.z_mm, self.a_deg, self.b_deg, self.c_deg
+
+    @property
     def is_complete(self) -> bool:
         """Whether X, Y, Z, A, B and C are all written."""
-        return None not in (self.x_mm, self.y_mm, self.z_mm, self.a_deg, self.b_deg, self.c_deg)
+        return None not in self.six
 
 
 @record(frozen=True, slots=True)
@@ -62,14 +72,14 @@ class Axes:
     type_name: str = ""
 
     @property
-    def angles_deg(self) -> tuple[float | None, ...]:
+    def six(self) -> Six:
         """A1..A6 [deg]."""
-        return (self.a1_deg, self.a2_deg, self.a3_deg, self.a4_deg, self.a5_deg, self.a6_deg)
+        return self.a1_deg, self.a2_deg, self.a3_deg, self.a4_deg, self.a5_deg, self.a6_deg
 
     @property
     def is_complete(self) -> bool:
         """Whether A1..A6 are all written."""
-        return None not in self.angles_deg
+        return None not in self.six
 
 
 @record(frozen=True, slots=True)
@@ -444,3 +454,23 @@ class KrlModule:
         """Return a routine by name, whatever its case."""
         wanted = name.upper()
         return next((item for item in self.routines if item.name.upper() == wanted), None)
+
+
+FIELDS: dict[type[Pose] | type[Axes], dict[str, str]] = {
+    Pose: dict(X="x_mm", Y="y_mm", Z="z_mm", A="a_deg", B="b_deg", C="c_deg", S="status", T="turn"),
+    Axes: {f"A{i}": f"a{i}_deg" for i in range(1, 7)},
+}
+"""Components of a point, and the fields that hold them; E1..E6 stand in ``external``."""
+CLOSERS = {
+    "IF": "ENDIF",
+    "FOR": "ENDFOR",
+    "LOOP": "ENDLOOP",
+    "WHILE": "ENDWHILE",
+    "REPEAT": "UNTIL",
+    "SWITCH": "ENDSWITCH",
+}
+"""Words that open a block of lines, and those that close it."""
+OPENERS = {closer: opener for opener, closer in CLOSERS.items()}
+BRANCHES = {"ELSE": "IF", "CASE": "SWITCH", "DEFAULT": "SWITCH"}
+"""Words that part a block, and the word that opens it."""
+LOOPS = frozenset({"FOR", "LOOP", "WHILE", "REPEAT"})

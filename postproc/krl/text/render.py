@@ -12,18 +12,14 @@ from typing import Any
 from postproc.errors import KrlError, SourceRef
 from postproc.krl.text import numbers
 from postproc.krl.text import program as krl
+from postproc.krl.text.literals import components
 
 INDENT = "  "
-_OPENING = frozenset({"IF", "FOR", "LOOP", "WHILE", "REPEAT", "SWITCH"})
-_CLOSING = frozenset({"ENDIF", "ENDFOR", "ENDLOOP", "ENDWHILE", "UNTIL", "ENDSWITCH"})
-_MIDDLE = frozenset({"ELSE", "CASE", "DEFAULT"})
 _PRINTABLE = bytes(range(0x20, 0x7F))
 _SPEEDS = ("$VEL.CP", "$VEL_CP", "$ACC.CP")
 _LENGTHS = frozenset({"X", "Y", "Z"})
 _ANGLES = frozenset({"A", "B", "C", "A1", "A2", "A3", "A4", "A5", "A6"})
 _EXTERNALS = frozenset({"E1", "E2", "E3", "E4", "E5", "E6"})
-_POSE = ("X", "Y", "Z", "A", "B", "C", "S", "T")
-_AXES = ("A1", "A2", "A3", "A4", "A5", "A6")
 
 
 def render(module: krl.KrlModule) -> tuple[bytes, bytes]:
@@ -119,11 +115,8 @@ def _steps(statement: krl.Statement) -> tuple[int, int]:
     if isinstance(statement, krl.SplineEnd):
         return -1, 0
     word = statement.word if isinstance(statement, krl.Control) else ""
-    if word in _OPENING:
-        return 0, 1
-    if word in _CLOSING:
-        return -1, 0
-    return (-1, 1) if word in _MIDDLE else (0, 0)
+    is_branch = word in krl.BRANCHES
+    return -int(is_branch or word in krl.OPENERS), int(is_branch or word in krl.CLOSERS)
 
 
 def _with_comment(text: str, comment: str) -> str:
@@ -142,7 +135,7 @@ def value_text(value: krl.Value, digits: int = numbers.PLAIN_DIGITS) -> str:
 
 
 def _pose(pose: krl.Pose) -> str:
-    x, y, z, a, b, c = pose.x_mm, pose.y_mm, pose.z_mm, pose.a_deg, pose.b_deg, pose.c_deg
+    x, y, z, a, b, c = pose.six
     try:
         total = abs(x) + abs(y) + abs(z) + abs(a) + abs(b) + abs(c)  # type: ignore[arg-type]
     except TypeError:
@@ -158,36 +151,24 @@ def _pose(pose: krl.Pose) -> str:
     return f"{text}{_external(pose.external)}}}"
 
 
-def _partial(pose: krl.Pose) -> str:
-    values = (pose.x_mm, pose.y_mm, pose.z_mm, pose.a_deg, pose.b_deg, pose.c_deg)
-    parts = [
-        f"{name} {_component(name, value)}"
-        for name, value in zip(_POSE, (*values, pose.status, pose.turn), strict=True)
-        if value is not None
-    ]
-    return _braces(parts, pose.external, pose.type_name)
+def _partial(point: krl.Pose | krl.Axes) -> str:
+    """Return a point of which not all is written, or which names the number that cannot be."""
+    inside = [item for item in components(point) if item[0][0] != "E"]
+    parts = [f"{name} {_component(name, value)}" for name, value in inside]
+    return _braces(parts, point.external, point.type_name)
 
 
 def _axes(axes: krl.Axes) -> str:
-    a1, a2, a3, a4, a5, a6 = axes.angles_deg
+    a1, a2, a3, a4, a5, a6 = axes.six
     try:
         total = abs(a1) + abs(a2) + abs(a3) + abs(a4) + abs(a5) + abs(a6)  # type: ignore[arg-type]
     except TypeError:
-        return _some_axes(axes)
+        return _partial(axes)
     if not total <= numbers.LARGEST:
-        return _some_axes(axes)  # which names the number that cannot be written
+        return _partial(axes)
     head = f"{axes.type_name}: " if axes.type_name else ""
     text = f"A1 {a1:z.5f},A2 {a2:z.5f},A3 {a3:z.5f},A4 {a4:z.5f},A5 {a5:z.5f},A6 {a6:z.5f}"
     return f"{{{head}{text}{_external(axes.external)}}}"
-
-
-def _some_axes(axes: krl.Axes) -> str:
-    parts = [
-        f"{name} {numbers.real(value, numbers.ANGLE_DIGITS)}"
-        for name, value in zip(_AXES, axes.angles_deg, strict=True)
-        if value is not None
-    ]
-    return _braces(parts, axes.external, axes.type_name)
 
 
 def _braces(parts: list[str], external: tuple[float, ...], type_name: str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from functools import lru_cache
 
 from postproc.krl.text import program as krl
@@ -68,9 +69,16 @@ def _parse(code: str, comment: str, line: int) -> krl.Statement:
     word = found.group().upper() if found else ""
     handler = _HANDLERS.get(word)
     if handler is not None and not _is_assignment(code, word):
-        return handler(code, comment, line)
+        parser = ExpressionParser(code, line)
+        parser.take()
+        statement = handler(parser)
+        parser.finish()
+        return replace(statement, comment=comment, line=line)
     if word in KNOWN_RAW and not _is_assignment(code, word):
         return krl.Raw(text=code, comment=comment, line=line)
+    if word in _EXTERNAL and not _is_assignment(code, word):
+        written_word, _, text = code.partition(" ")
+        return krl.External(text.strip(), written_word.upper(), comment=comment, line=line)
     if not word:
         raise KrlSyntaxError(f"{code[:40]!r} is no KRL statement")
     label = _LABEL.match(code)
@@ -90,7 +98,10 @@ def _is_assignment(code: str, word: str) -> bool:
 def _assignment_call_or_declaration(code: str, comment: str, line: int) -> krl.Statement:
     found = _assignment_or_call(code)
     if found is None:
-        return _declaration(code, comment, line)
+        parser = ExpressionParser(code)
+        declaration = _declared(parser, set())
+        parser.finish()
+        return replace(declaration, comment=comment, line=line)
     name, arguments, value = found
     if arguments is not None:
         return krl.Call(name=name, arguments=arguments, comment=comment, line=line)
@@ -143,29 +154,29 @@ def _arguments(parser: ExpressionParser) -> tuple[krl.Value | None, ...]:
     return () if nodes == [None] else tuple(nodes)
 
 
-def _declaration(code: str, comment: str, line: int) -> krl.Statement:
-    parser = ExpressionParser(code)
-    flags = set()
+def _declaration(parser: ExpressionParser) -> krl.Statement:
+    """DECL, GLOBAL and CONST stand before declarations, GLOBAL also before an interrupt."""
+    flags = {parser.tokens[0].text.upper()}
+    if flags == {"GLOBAL"} and parser.accept("INTERRUPT"):
+        interrupt = _interrupt(parser)
+        return replace(interrupt, is_global=interrupt.word == "DECL")
+    return _declared(parser, flags)
+
+
+def _declared(parser: ExpressionParser, flags: set[str]) -> krl.Statement:
     while parser.word() in ("DECL", "GLOBAL", "CONST"):
         flags.add(parser.take().text.upper())
     type_name = parser.take()
     if type_name.kind is not TokenKind.NAME:
         raise KrlSyntaxError("a declaration needs a type")
     if type_name.text.upper() in ("STRUC", "ENUM", "SIGNAL"):
-        return krl.Raw(text=code, comment=comment, line=line)
+        parser.at = len(parser.tokens) - 1
+        return krl.Raw(text=parser.text)
     variables = [_variable(parser)]
     while parser.accept(","):
         variables.append(_variable(parser))
-    parser.finish()
-    return krl.Declaration(
-        type_name=type_name.text,
-        variables=tuple(variables),
-        is_global="GLOBAL" in flags,
-        is_const="CONST" in flags,
-        has_decl="DECL" in flags,
-        comment=comment,
-        line=line,
-    )
+    is_global, is_const, has_decl = (flag in flags for flag in ("GLOBAL", "CONST", "DECL"))
+    return krl.Declaration(type_name.text, tuple(variables), is_global, is_const, has_decl)
 
 
 def _variable(parser: ExpressionParser) -> krl.Variable:
@@ -184,53 +195,22 @@ def _variable(parser: ExpressionParser) -> krl.Variable:
     return krl.Variable(name.text, dimension, value)
 
 
-def _prefixed(code: str, comment: str, line: int) -> krl.Statement:
-    """GLOBAL and DECL stand before declarations, GLOBAL also before an interrupt."""
-    words = code.upper().split(None, 2)
-    if words[:2] == ["GLOBAL", "INTERRUPT"]:
-        return _interrupt(code, comment, line)
-    return _declaration(code, comment, line)
-
-
 # ------------------------------------------------------------------------------ waits, triggers
 
 
-def _wait(code: str, comment: str, line: int) -> krl.Statement:
-    parser = ExpressionParser(code)
-    parser.take()
+def _wait(parser: ExpressionParser) -> krl.Statement:
     word = parser.word()
     if word == "SEC":
         parser.take()
-        seconds = parser.value()
-        parser.finish()
-        return krl.WaitSec(seconds=seconds, comment=comment, line=line)
+        return krl.WaitSec(parser.value())
     if word != "FOR":
         raise KrlSyntaxError("WAIT needs SEC or FOR")
     start = parser.take().end
     parser.expression()
-    parser.finish()
-    return krl.WaitFor(condition=code[start:].strip(), comment=comment, line=line)
+    return krl.WaitFor(parser.text[start : parser.token.start].strip())
 
 
-def _halt(code: str, comment: str, line: int) -> krl.Statement:
-    _alone(code)
-    return krl.Halt(comment=comment, line=line)
-
-
-def _continue(code: str, comment: str, line: int) -> krl.Statement:
-    _alone(code)
-    return krl.Continue(comment=comment, line=line)
-
-
-def _alone(code: str) -> None:
-    parser = ExpressionParser(code)
-    parser.take()
-    parser.finish()
-
-
-def _trigger(code: str, comment: str, line: int) -> krl.Statement:
-    parser = ExpressionParser(code)
-    parser.take()
+def _trigger(parser: ExpressionParser) -> krl.Statement:
     parser.expect("WHEN")
     word = parser.word()
     if word not in ("DISTANCE", "PATH"):
@@ -247,32 +227,24 @@ def _trigger(code: str, comment: str, line: int) -> krl.Statement:
     start = parser.token.start
     while parser.token.kind is not TokenKind.END and not _at_priority(parser):
         parser.take()
-    action = parse_statement(code[start : parser.token.start].strip() or "?", "", line)
+    action = _action(parser, parser.text[start : parser.token.start])
     priority: krl.Value | None = None
     if parser.accept("PRIO"):
         parser.expect("=")
         priority = parser.value()
-    parser.finish()
-    return krl.Trigger(
-        word=word,
-        where=where,
-        delay_ms=delay,
-        action=action,
-        priority=priority,
-        on_start=on_start,
-        comment=comment,
-        line=line,
-    )
+    return krl.Trigger(word, where, delay, action, priority, on_start)
+
+
+def _action(parser: ExpressionParser, code: str) -> krl.Statement:
+    """Return the statement behind DO."""
+    return parse_statement(code.strip() or "?", "", parser.line)
 
 
 def _at_priority(parser: ExpressionParser) -> bool:
     return parser.word() == "PRIO" and parser.tokens[parser.at + 1].text == "="
 
 
-def _interrupt(code: str, comment: str, line: int) -> krl.Statement:
-    parser = ExpressionParser(code)
-    is_global = parser.accept("GLOBAL")
-    parser.expect("INTERRUPT")
+def _interrupt(parser: ExpressionParser) -> krl.Interrupt:
     word = parser.word()
     if word == "DECL":
         parser.take()
@@ -280,35 +252,25 @@ def _interrupt(code: str, comment: str, line: int) -> krl.Statement:
         parser.expect("WHEN")
         start = parser.token.start
         parser.expression()
-        condition = code[start : parser.token.start].strip()
+        condition = parser.text[start : parser.token.start].strip()
         parser.expect("DO")
-        action = parse_statement(code[parser.token.start :].strip() or "?", "", line)
-        return krl.Interrupt(
-            word=word,
-            number=priority,
-            condition=condition,
-            action=action,
-            is_global=is_global,
-            comment=comment,
-            line=line,
-        )
+        action = _action(parser, parser.text[parser.token.start :])
+        parser.at = len(parser.tokens) - 1
+        return krl.Interrupt(word, priority, condition, action)
     if word not in ("ON", "OFF", "ENABLE", "DISABLE"):
         raise KrlSyntaxError("INTERRUPT needs DECL, ON, OFF, ENABLE or DISABLE")
     parser.take()
     value = None if parser.token.kind is TokenKind.END else parser.value()
-    parser.finish()
-    return krl.Interrupt(word=word, number=value, comment=comment, line=line)
+    return krl.Interrupt(word, value)
 
 
 # ------------------------------------------------------------------------------------- control
 
 
-def _control(code: str, comment: str, line: int) -> krl.Statement:
-    parser = ExpressionParser(code)
-    word = parser.take().text.upper()
+def _control(parser: ExpressionParser) -> krl.Statement:
+    word = parser.tokens[0].text.upper()
     _CONTROL[word](parser)
-    parser.finish()
-    return krl.Control(word=word, text=code[len(word) :].strip(), comment=comment, line=line)
+    return krl.Control(word, parser.text[len(word) :].strip())
 
 
 def _no_more(parser: ExpressionParser) -> None:
@@ -352,52 +314,28 @@ def _goto(parser: ExpressionParser) -> None:
         raise KrlSyntaxError("GOTO needs a label")
 
 
+_ALONE = "ELSE ENDIF ENDFOR LOOP ENDLOOP ENDWHILE REPEAT DEFAULT ENDSWITCH EXIT RESUME"
 _CONTROL: dict[str, Callable[[ExpressionParser], None]] = {
+    **dict.fromkeys(_ALONE.split(), _no_more),
+    **dict.fromkeys(("WHILE", "UNTIL", "SWITCH"), _condition),
+    **dict.fromkeys(("RETURN", "BRAKE"), _optional),
     "IF": _if,
-    "ELSE": _no_more,
-    "ENDIF": _no_more,
     "FOR": _for,
-    "ENDFOR": _no_more,
-    "LOOP": _no_more,
-    "ENDLOOP": _no_more,
-    "WHILE": _condition,
-    "ENDWHILE": _no_more,
-    "REPEAT": _no_more,
-    "UNTIL": _condition,
-    "SWITCH": _condition,
     "CASE": _case,
-    "DEFAULT": _no_more,
-    "ENDSWITCH": _no_more,
-    "EXIT": _no_more,
     "GOTO": _goto,
-    "RETURN": _optional,
-    "RESUME": _no_more,
-    "BRAKE": _optional,
 }
 
 
-def _external(code: str, comment: str, line: int) -> krl.Statement:
-    word, _, text = code.partition(" ")
-    return krl.External(text=text.strip(), word=word.upper(), comment=comment, line=line)
-
-
-_Handler = Callable[[str, str, int], krl.Statement]
-_HANDLERS: dict[str, _Handler] = {
+_EXTERNAL = frozenset({"EXT", "EXTFCT", "EXTP", "EXTFCTP"})
+_HANDLERS: dict[str, Callable[[ExpressionParser], krl.Statement]] = {
     **dict.fromkeys(MOVES, move),
     **dict.fromkeys(_CONTROL, _control),
-    "SPLINE": spline,
-    "PTP_SPLINE": spline,
+    **dict.fromkeys(("SPLINE", "PTP_SPLINE"), spline),
+    **dict.fromkeys(("GLOBAL", "DECL", "CONST"), _declaration),
     "ENDSPLINE": end_spline,
     "WAIT": _wait,
-    "HALT": _halt,
-    "CONTINUE": _continue,
+    "HALT": lambda _: krl.Halt(),
+    "CONTINUE": lambda _: krl.Continue(),
     "TRIGGER": _trigger,
     "INTERRUPT": _interrupt,
-    "GLOBAL": _prefixed,
-    "DECL": _declaration,
-    "CONST": _declaration,
-    "EXT": _external,
-    "EXTFCT": _external,
-    "EXTP": _external,
-    "EXTFCTP": _external,
 }
