@@ -74,9 +74,9 @@ class Memory:
         for module in modules.values():
             for routine in module.routines:
                 self._learn(routine.statements)
-            self._learn(module.data.statements if module.data is not None else ())
+            self._learn(module.listed)
         for name, module in modules.items():
-            for statement in module.data.statements if module.data is not None else ():
+            for statement in module.listed:
                 scope = self._data[name]
                 self._reading = SourceRef(module.dat_path, statement.line)
                 if isinstance(statement, krl.Declaration):

@@ -192,6 +192,7 @@ def test_lines_and_comments():
         ("TRIGGER WHEN TIME=1 DELAY=0 DO a=1", "DISTANCE or PATH"),
         ("INTERRUPT MAYBE 1", "INTERRUPT needs"),
         ("CIRC XP1", "expected ','"),
+        ("TRUE[1]=3", "no KRL statement"),
         ("a = ", "expected a value"),
         ("b = 3 4", "does not belong here"),
         ("MYROUTINE", "needs brackets"),

@@ -151,7 +151,7 @@ def _listed(names: list[str]) -> str:
 def _global_types(module: krl.KrlModule) -> set[str]:
     """Return signals and types that a data list makes known to all modules."""
     found: set[str] = set()
-    for statement in module.data.statements if module.data is not None else ():
+    for statement in module.listed:
         if isinstance(statement, krl.Raw) and statement.text.upper().startswith("GLOBAL"):
             found |= _defined_by(statement)
     return found
@@ -159,7 +159,7 @@ def _global_types(module: krl.KrlModule) -> set[str]:
 
 def _data_names(module: krl.KrlModule) -> set[str]:
     names: set[str] = set()
-    for statement in module.data.statements if module.data is not None else ():
+    for statement in module.listed:
         names |= _defined_by(statement)
     return names
 
@@ -188,7 +188,7 @@ def _check_uses(part: Part, known: set[str], known_calls: set[str]) -> _Uses:
         for item in part.of(krl.External)
         if (found := _EXTERNAL.match(item.text))
     }
-    for item in module.data.statements if module.data is not None else ():
+    for item in module.listed:
         if isinstance(item, krl.External) and (found := _EXTERNAL.match(item.text)):
             external.add(found.group(1).upper())
     used: set[str] = set()

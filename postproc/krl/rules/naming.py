@@ -137,7 +137,7 @@ def global_names(module: KrlModule) -> Iterator[tuple[str, str, int]]:
     for routine in module.routines:
         if routine.is_global:
             yield routine.name, module.src_path, routine.line
-    for statement in module.data.statements if module.data is not None else ():
+    for statement in module.listed:
         if isinstance(statement, Declaration) and statement.is_global:
             for variable in statement.variables:
                 yield variable.name, module.dat_path, statement.line

@@ -96,7 +96,7 @@ class Scope:
             self._read(module)
 
     def _read(self, module: krl.KrlModule) -> None:
-        data = module.data.statements if module.data is not None else ()
+        data = module.listed
         self._modules[module.dat_path, module.name] = dict(_variables(data))
         for statement in data:
             seen = not module.routines or (
@@ -281,7 +281,7 @@ def _system_type(name: str) -> Type | None:
 
 def declared_names(module: krl.KrlModule) -> frozenset[str]:
     """Return the variables, signals, structures and enumerations of a data list, in upper case."""
-    statements = module.data.statements if module.data is not None else ()
+    statements = module.listed
     defined = (DEFINES.match(s.text) for s in statements if isinstance(s, krl.Raw))
     types = {found.group(2).upper() for found in defined if found}
     return frozenset(types | {name for name, _ in _variables(statements)})

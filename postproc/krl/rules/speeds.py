@@ -43,7 +43,7 @@ def speeds(subject: Subject) -> None:
         _without_advance(part)
         _blends_of_nothing(part)
     for module in subject.modules:
-        for statement in module.data.statements if module.data is not None else ():
+        for statement in module.listed:
             if isinstance(statement, Declaration):
                 _motion_data(subject, module.dat_path, statement)
 

@@ -147,7 +147,7 @@ class Subject:
         """Values that all modules see: GLOBAL ones, and those of modules without routines."""
         found: dict[str, krl.Value] = {}
         for module in self.modules:
-            for statement in module.data.statements if module.data is not None else ():
+            for statement in module.listed:
                 if isinstance(statement, krl.Declaration) and (
                     statement.is_global or not module.routines
                 ):

@@ -446,6 +446,11 @@ class KrlModule:
     dat_facts: TextFacts | None = field(default=None, compare=False)
 
     @property
+    def listed(self) -> tuple[Statement, ...]:
+        """The statements of the data list, none without one."""
+        return () if self.data is None else self.data.statements
+
+    @property
     def main(self) -> Routine:
         """The first routine."""
         return self.routines[0]

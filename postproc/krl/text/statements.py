@@ -130,7 +130,7 @@ def _assignment_or_call(
         return first, arguments, 0
     parser.selectors()
     target = written(code[: parser.token.start])
-    if not parser.accept("="):
+    if not parser.accept("=") or first.upper() in ("TRUE", "FALSE"):
         raise KrlSyntaxError(f"{code[:40]!r} is no KRL statement")
     value = parser.value()
     parser.finish()

@@ -38,7 +38,6 @@ from postproc.readers.delmia.records import (
     N_JOINTS,
     Document,
     Motion,
-    OtherActivity,
     Statement,
     pose,
 )
@@ -89,18 +88,14 @@ def _collected(document: Document, options: ReadOptions, faults: Faults) -> _Pat
     via: Motion | None = None
     for name, item in expanded(document, options.task, faults):
         if isinstance(item, Statement):
-            what = _EVENTS[item.kind]
-            port = (float(item.port),) if what is not EventKind.DWELL else ()
-            result.events.append(
-                Event(len(result.motions), what, item.value, item.name, item.line, port)
-            )
-            continue
-        if isinstance(item, OtherActivity):
-            text = f"{item.kind} {item.text}".strip()
-            result.events.append(
-                Event(len(result.motions), EventKind.UNKNOWN, 0.0, text, item.line)
-            )
-            result.unknown.setdefault(item.kind, []).append(item.line)
+            what = _EVENTS.get(item.kind, EventKind.UNKNOWN)
+            is_signal = what in (EventKind.SIGNAL, EventKind.WAIT_SIGNAL)
+            text, port = item.name, (float(item.port),) if is_signal else ()
+            if what is EventKind.UNKNOWN:
+                text = f"{item.kind} {item.name}".strip()
+                result.unknown.setdefault(item.kind, []).append(item.line)
+            event = Event(len(result.motions), what, item.value, text, item.line, port)
+            result.events.append(event)
             continue
         if not result.operations or result.operations[-1].name != name:
             result.operations.append(Operation(name, document.task_lines[name]))

@@ -69,20 +69,12 @@ class Call:
 
 
 @dataclass(frozen=True, slots=True)
-class OtherActivity:
-    """An activity without a meaning here: kept with its type and text."""
-
-    line: int
-    kind: str
-    text: str
-
-
-@dataclass(frozen=True, slots=True)
 class Statement:
-    """An activity between motions: a signal that is set or waited for, or a delay.
+    """An activity between motions: a signal that is set or waited for, a delay, or any other.
 
-    ``kind``: ``signal``, ``wait`` or ``delay``; ``value``: 1 or 0 of a signal, seconds of a delay;
-    ``port``: its number, 0 where the file gives none.
+    ``kind``: ``signal``, ``wait`` or ``delay``, the type of any other; ``name``: of a signal, of
+    the activity; ``value``: 1 or 0 of a signal, seconds of a delay; ``port``: its number, 0 where
+    the file gives none.
     """
 
     line: int
@@ -92,7 +84,7 @@ class Statement:
     value: float = 0.0
 
 
-Item = Motion | Call | OtherActivity | Statement
+Item = Motion | Call | Statement
 
 
 @dataclass(slots=True)

@@ -4,13 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from postproc.readers.delmia.records import (
-    Call,
-    Document,
-    Motion,
-    OtherActivity,
-    Statement,
-)
+from postproc.readers.delmia.records import Call, Document, Motion, Statement
 from postproc.readers.text import Faults
 
 MOST_ITEMS = 5_000_000
@@ -19,7 +13,7 @@ MOST_ITEMS = 5_000_000
 
 def expanded(
     document: Document, task: str | None, faults: Faults
-) -> Iterator[tuple[str, Motion | OtherActivity | Statement]]:
+) -> Iterator[tuple[str, Motion | Statement]]:
     """Yield task name and activity, calls followed.
 
     Args:
@@ -91,7 +85,7 @@ def _calls(document: Document, name: str) -> Iterator[Call]:
     return (item for item in document.tasks[name] if isinstance(item, Call))
 
 
-def _run(document: Document, root: str) -> Iterator[tuple[str, Motion | OtherActivity | Statement]]:
+def _run(document: Document, root: str) -> Iterator[tuple[str, Motion | Statement]]:
     stack = [(root, iter(document.tasks[root]))]
     while stack:
         name, items = stack[-1]

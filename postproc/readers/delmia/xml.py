@@ -21,7 +21,6 @@ from postproc.readers.delmia.records import (
     Item,
     Motion,
     MotionProfile,
-    OtherActivity,
     RobotData,
     Statement,
     pose,
@@ -258,7 +257,7 @@ class _ElementReader:
             self._items.append(self._statement(element, _STATEMENTS[kind]))
         else:
             name = _text(element.find("ActivityName"))
-            self._items.append(OtherActivity(_line(element), kind or "Activity", name))
+            self._items.append(Statement(_line(element), kind or "Activity", name))
 
     @staticmethod
     def _is_other(activity: etree._Element) -> bool:
