@@ -12,50 +12,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from postproc.api import (
-        BaseJob,
-        BatchOutcome,
-        Cell,
-        CellCheck,
-        CellDraft,
-        DiagnosisJob,
-        DiffReport,
-        Entry,
-        Finding,
-        IdentifyJob,
-        Inspection,
-        Job,
-        MeasuringPlan,
-        ModelFile,
-        PlaceJob,
-        PostprocError,
-        Prediction,
-        Severity,
-        SpinStiffness,
-        ToolPath,
-        VerifyReport,
-        batch,
-        check,
-        convert,
-        diagnose,
-        diff,
-        explain,
-        fit_base,
-        holes,
-        identify,
-        inspect,
-        lint,
-        load_cell,
-        load_model,
-        new_cell,
-        place,
-        predict,
-        read,
-        robots,
-        sample,
-        stiffness,
-        verify,
-    )
+    from postproc.api import *
 
 from postproc.version import __version__
 

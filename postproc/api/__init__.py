@@ -15,8 +15,7 @@ from postproc.jobs.fit_base import BaseJob, fit_base
 from postproc.jobs.given import load_model, read
 from postproc.jobs.identify import IdentifyJob, identify
 from postproc.jobs.inspect import Inspection, inspect
-from postproc.jobs.measuring_plan import MeasuringPlan
-from postproc.jobs.measuring_plan import measuring_plan as sample
+from postproc.jobs.measuring_plan import MeasuringPlan, sample
 from postproc.jobs.new_cell import CellDraft
 from postproc.jobs.place import PlaceJob, place
 from postproc.jobs.robots import robots

@@ -22,7 +22,7 @@ from postproc.jobs.convert import ConvertRequest
 from postproc.jobs.convert import convert as convert_part
 from postproc.jobs.given import Source, model_of, part_of
 from postproc.jobs.lint import lint as lint_programs
-from postproc.jobs.predict import predict as predict_rows
+from postproc.jobs.readings import predict as predict_rows
 from postproc.jobs.verify import at_least
 from postproc.krl import LintOptions
 from postproc.model import ModelFile, ToolPath

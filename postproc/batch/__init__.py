@@ -1,7 +1,5 @@
 """Many inputs: parallel, resumable, checkable."""
 
-from postproc.batch.check import check_batch
+from postproc.batch.check import check_batch, junit_xml
 from postproc.batch.jobs import Job
-from postproc.batch.junit import junit_xml
-from postproc.batch.precheck import call_of
-from postproc.batch.run import BatchOptions, BatchOutcome, page_file, run_batch
+from postproc.batch.run import BatchOptions, BatchOutcome, call_of, page_file, run_batch

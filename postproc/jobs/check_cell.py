@@ -24,10 +24,9 @@ from postproc.collision import OUTLINE_SHARES, Scene, is_measured
 from postproc.emitters import emitter_of
 from postproc.errors import CellError, EmitError, Finding, Severity, SourceRef
 from postproc.geometry import AXES, across, inverse, kuka_from_transform, rotation_about, transform
-from postproc.jobs.arm_doubts import arm_doubts
+from postproc.jobs.arm_doubts import arm_doubts, size_findings
 from postproc.jobs.given import Source, cell_of
 from postproc.jobs.paged import Paged
-from postproc.jobs.solid_doubts import size_findings
 from postproc.kinematics import Kinematics, build, is_coaxial_with_axis_6, wrist_distance
 from postproc.planning import PlanOptions, free_posture, settle
 from postproc.records import dataclass

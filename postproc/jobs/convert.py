@@ -28,10 +28,9 @@ from postproc.emitters import (
 )
 from postproc.errors import CellError, DataError, Finding, PostprocError, Severity, SourceRef, fold
 from postproc.files import remove_files, write_files
-from postproc.jobs.arm_doubts import warned_doubts
+from postproc.jobs.arm_doubts import place_findings, size_findings, warned_doubts
 from postproc.jobs.causes import Cause, causes
 from postproc.jobs.given import read
-from postproc.jobs.solid_doubts import place_findings, size_findings
 from postproc.jobs.trade import Outcome, lost_percent, outcomes
 from postproc.kinematics import build
 from postproc.krl import legal_name

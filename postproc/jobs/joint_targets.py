@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import BoolArray
 from postproc.cell import Cell
 from postproc.errors import CellError, Finding, Severity
 from postproc.geometry import inverse, rotation_angle, transform
@@ -75,26 +75,15 @@ def with_joint_targets(toolpath: ToolPath, cell: Cell) -> ToolPath:
 
 
 def _is_proven(toolpath: ToolPath, cell: Cell, proof: BoolArray) -> bool | None:
-    """Return whether the arm of the file is the cell's, None where nothing tells."""
-    if proof.sum() < FEWEST or toolpath.joints is None:
-        return None
-    if (np.ptp(toolpath.joints[proof], axis=0) < SEEN).any():
-        return None
-    return _tool_of(toolpath, cell, proof) is not None
-
-
-def _tool_of(toolpath: ToolPath, cell: Cell, proof: BoolArray) -> FloatArray | None:
-    """Return T_flange_tcp (4, 4) that all targets with both agree on, None where they do not."""
-    if proof.sum() < FEWEST or toolpath.joints is None or toolpath.rotations is None:
+    """Return whether all targets with both say one pose of the tool; None where nothing tells."""
+    if toolpath.joints is None or toolpath.rotations is None or proof.sum() < FEWEST:
         return None
     q = toolpath.joints[proof]
     if (np.ptp(q, axis=0) < SEEN).any():
         return None
     T_base_tcp = transform(toolpath.rotations[proof], toolpath.points[proof])
     T_flange_tcp = inverse(build(cell.robot).fk(q)) @ T_base_tcp
-    first = T_flange_tcp[0]
-    gap = np.linalg.norm(T_flange_tcp[:, :3, 3] - first[:3, 3], axis=1)
-    turn = rotation_angle(np.broadcast_to(first[:3, :3], T_base_tcp[:, :3, :3].shape),
-                          T_flange_tcp[:, :3, :3])  # fmt: skip
-    agree = gap.max() <= AGREE_POSITION and turn.max() <= AGREE_ANGLE
-    return np.asarray(first) if agree else None
+    R, point = T_flange_tcp[:, :3, :3], T_flange_tcp[:, :3, 3]
+    gap = np.linalg.norm(point - point[0], axis=1)
+    turn = rotation_angle(np.broadcast_to(R[0], R.shape), R)
+    return bool(gap.max() <= AGREE_POSITION and turn.max() <= AGREE_ANGLE)

@@ -18,7 +18,7 @@ from postproc.cell import Cell, missing_numbers
 from postproc.errors import DataError, SourceRef
 from postproc.gap import Diagnosis, NextPose, Reach, last_set_up, next_poses, questions, reassessed
 from postproc.jobs import drive
-from postproc.jobs.ways import free_ways
+from postproc.jobs.drive import free_ways
 from postproc.kinematics import build
 from postproc.measurement import (
     DIRECTION,

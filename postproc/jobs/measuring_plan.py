@@ -15,7 +15,8 @@ from postproc.geometry import rotation_from_abc
 from postproc.jobs import sample_diagnosis
 from postproc.jobs.drawing import drawing_of
 from postproc.jobs.given import Source, cell_of
-from postproc.jobs.sample import program_files, sample
+from postproc.jobs.sample import program_files
+from postproc.jobs.sample import sample as sampled
 from postproc.progress import Progress
 from postproc.records import dataclass
 from postproc.report.pages.diagnosis_plan import diagnosis_plan_page
@@ -58,7 +59,7 @@ class MeasuringPlan:
         return tuple(written)
 
 
-def measuring_plan(
+def sample(
     cell: Cell | Source,
     box_mm: Sequence[float],
     *,
@@ -142,7 +143,7 @@ def measuring_plan(
         names = [plan.name(reading) for reading in range(len(plan.q))]
         drawn = diagnosis_plan_page(told, names, plan.q, plan.points, drawing_of(cell))
         return MeasuringPlan(told, {**made, page: drawn})
-    sampling = sample(cell, request, progress)
+    sampling = sampled(cell, request, progress)
     files = dict(program_files(sampling))
     files[f"{name}.csv"] = csv_text(sampling)
     files[page] = sample_page(sampling, drawing_of(sampling.cell))

@@ -8,19 +8,20 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from postproc.backup import cell_values, read_backup
 from postproc.cell import (
     cell_text,
     expanded,
     find_robot,
     find_urdf,
     is_xacro,
+    load_robot,
     parse_cell,
     read_urdf_robot,
 )
 from postproc.collision import load_mesh
 from postproc.errors import CellError, PostprocError, SourceRef, UsageError
 from postproc.files import write_files
-from postproc.jobs.controller_backup import cell_from_backup
 from postproc.jobs.workpiece_place import workpiece_place
 from postproc.planning import free_posture
 from postproc.readers import ReadOptions, read
@@ -117,10 +118,19 @@ def draft_from_backup(archive: str | Path, options: Mapping[str, Any], output: P
     if given:
         option = f"--{given[0].replace('_', '-')}"
         raise UsageError("CLI012", f"{option} does not go with --backup; edit the cell instead")
-    made = cell_from_backup(archive, options["name"] or output.stem, options["robot"])
-    must_load(made.text)
-    facts = {"notes": list(made.notes), **made.facts}
-    return CellDraft({output: made.text.encode("utf-8")}, made.robot, facts)
+    controller, robot = read_backup(archive), options["robot"]
+    values, remarks = cell_values(controller, load_robot(robot) if robot else None)
+    text = cell_text({"name": options["name"] or output.stem, **values}, remarks)
+    must_load(text)
+    facts = {
+        "notes": [*controller.notes, *remarks["robot"][:1]],
+        "software": controller.software or None,
+        "trafoname": controller.machine.trafoname or None,
+        "tools": [tool["number"] for tool in values["tools"]],
+        "bases": [base["number"] for base in values["bases"]],
+    }
+    arm = values["robot"].get("model") or values["robot"]["name"]
+    return CellDraft({output: text.encode("utf-8")}, arm, facts)
 
 
 def require_free(output: Path, force: bool) -> None:

@@ -1,12 +1,16 @@
-"""The readings of a measurement file, as every command that takes one understands them."""
+"""The readings of a measurement file, as all commands take them, and what a model expects there."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from postproc.cell import Cell
-from postproc.kinematics import Kinematics
+from postproc.compensation import split
+from postproc.gap import Prediction
+from postproc.gap import predict as predict_rows
+from postproc.kinematics import Kinematics, build
 from postproc.measurement import (
     MeasurementSet,
     only_points,
@@ -50,3 +54,20 @@ def readings(
         rows = only_told(rows) if any_reading else only_points(rows)
     frame = None if register or model is None else model.registration
     return repaired(rows, kinematics, cell, register, frame)
+
+
+def predict(
+    measurements: str | Path, cell: Cell, model: ModelFile | None = None, register: bool = False
+) -> tuple[Prediction, MeasurementSet]:
+    """Return the prediction and the rows that it is for; arguments as ``gap.predict``.
+
+    What the model says of motions along a path is left out: rows are read at rest.
+
+    Raises:
+        DataError: if a file is wrong or lacks a column.
+    """
+    kinematics = build(cell.robot)
+    rows = readings([measurements], kinematics, cell, model, register, every_row=True)
+    still, moving = (None, {}) if model is None else split(model)
+    told = predict_rows(rows, kinematics, cell, still, register)
+    return replace(told, missing=(*told.missing, *sorted(moving))), rows

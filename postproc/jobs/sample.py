@@ -11,7 +11,7 @@ from postproc.arrays import IntArray
 from postproc.cell import Cell, require_numbers
 from postproc.errors import StiffnessError
 from postproc.jobs import drive
-from postproc.jobs.ways import with_free_ways
+from postproc.jobs.drive import with_free_ways
 from postproc.kinematics import Kinematics, build
 from postproc.progress import Progress
 from postproc.stiffness.identify import observe, showing_load

@@ -16,7 +16,7 @@ from postproc.errors import StiffnessError
 from postproc.gap import APPROACH, Outlook, Reach, RobotModel, Samples, make_samples, outlook
 from postproc.geometry import rotation_about, transform
 from postproc.jobs import drive
-from postproc.jobs.ways import free_ways
+from postproc.jobs.drive import free_ways
 from postproc.kinematics import Kinematics, build
 from postproc.measurement import DIRECTION, JOINTS, POSITION, WRENCH, cells, table_to_fill_in
 from postproc.progress import Progress

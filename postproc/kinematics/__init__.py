@@ -17,9 +17,9 @@ from postproc.kinematics.rounding import corner_miss, within_tolerance
 from postproc.kinematics.singular import (
     STRETCHED,
     elbow_distance,
+    is_coaxial_with_axis_6,
     shoulder_distance,
     smallest_singular_value,
+    status_turn,
     wrist_distance,
 )
-from postproc.kinematics.status import status_turn
-from postproc.kinematics.tool_axis import is_coaxial_with_axis_6

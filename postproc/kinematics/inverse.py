@@ -22,10 +22,9 @@ from typing import NamedTuple
 import numpy as np
 
 from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IndexArray
-from postproc.kinematics.branches import wrapped
+from postproc.kinematics.branches import MayStand, Solver, wrapped
 from postproc.kinematics.chain import Columns, blocks
 from postproc.kinematics.opw import OpwArm
-from postproc.kinematics.solver import MayStand, Solver
 from postproc.records import dataclass
 
 CHUNK = 2048

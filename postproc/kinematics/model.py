@@ -15,11 +15,10 @@ from postproc.arrays import (
     numbered,
 )
 from postproc.errors import KinematicsError
-from postproc.kinematics.branches import Branches, wrapped
+from postproc.kinematics.branches import Branches, MayStand, Solver, wrapped
 from postproc.kinematics.chain import SerialChain
 from postproc.kinematics.inverse import OpwSolver
 from postproc.kinematics.opw import OpwArm, chain_of
-from postproc.kinematics.solver import MayStand, Solver
 from postproc.records import dataclass
 from postproc.units import TURN
 

@@ -16,9 +16,8 @@ from numpy.typing import ArrayLike
 
 from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IntArray
 from postproc.geometry import vee
-from postproc.kinematics.branches import Branches, wrapped
+from postproc.kinematics.branches import Branches, Solver, wrapped
 from postproc.kinematics.chain import SerialChain, blocks
-from postproc.kinematics.solver import Solver
 from postproc.records import dataclass
 
 CHUNK = 512

@@ -11,7 +11,6 @@ from postproc.measurement.columns import (
     WRENCH,
 )
 from postproc.measurement.datum import BaseFit, DatumPoints, fit_base, read_datum_points
-from postproc.measurement.fill_in import cells, table_to_fill_in
 from postproc.measurement.readings import (
     Readings,
     has_points,
@@ -35,5 +34,12 @@ from postproc.measurement.repair import (
     tool_points,
     without_copies,
 )
-from postproc.measurement.rows import MeasurementSet, Remark
-from postproc.measurement.setups import MEAN_LENGTH, SetUps, robust_sigma, set_ups
+from postproc.measurement.rows import (
+    MEAN_LENGTH,
+    MeasurementSet,
+    Remark,
+    SetUps,
+    robust_sigma,
+    set_ups,
+)
+from postproc.measurement.table import cells, table_to_fill_in

@@ -87,11 +87,12 @@ def _joined(first: MeasurementSet, second: MeasurementSet) -> MeasurementSet:
                 "expected in both or in none",
                 SourceRef(second.path, 1),
             )
+    labels: dict[str, Any] = {name: _labels(first, second, name) for name in LABELS}
     return replace(
         first,
         line=np.concatenate([first.line, second.line]),
         ids=(*first.ids, *_own_names(first, second)),
-        **_all_labels(first, second),
+        **labels,
         remarks=(*first.remarks, *second.remarks),
         extra=_extra(first, second),
         **{part.field: _stacked(first, second, part) for part in QUANTITIES},
@@ -101,24 +102,15 @@ def _joined(first: MeasurementSet, second: MeasurementSet) -> MeasurementSet:
 def _stacked(first: MeasurementSet, second: MeasurementSet, part: Quantity) -> Any:  # noqa: ANN401
     """Return the numbers of both; missing loads, directions and speeds are zeros."""
     values = [getattr(rows, part.field) for rows in (first, second)]
-    if values[0] is None and values[1] is None:
+    known = [v for v in values if v is not None]
+    if not known:
         return None
+    missing = np.nan if part.empty is Empty.PART else 0.0
     if part.field == "sigma":
-        usual = float(np.median([np.median(v) for v in values if v is not None]))
-        return np.concatenate(
-            [
-                np.full(len(rows), usual) if v is None else v
-                for rows, v in zip((first, second), values, strict=True)
-            ]
-        )
-    empty = np.nan if part.empty is Empty.PART else 0.0
-    there = next(v for v in values if v is not None)
-    return np.concatenate(
-        [
-            np.full((len(rows), *there.shape[1:]), empty) if v is None else v
-            for rows, v in zip((first, second), values, strict=True)
-        ]
-    )
+        missing = float(np.median([np.median(v) for v in known]))
+    counts = [(len(rows), *known[0].shape[1:]) for rows in (first, second)]
+    both = zip(values, counts, strict=True)
+    return np.concatenate([np.full(count, missing) if v is None else v for v, count in both])
 
 
 def _own_names(first: MeasurementSet, second: MeasurementSet) -> tuple[str, ...]:
@@ -126,10 +118,6 @@ def _own_names(first: MeasurementSet, second: MeasurementSet) -> tuple[str, ...]
     taken = set(first.ids)
     stem = Path(second.path).stem
     return tuple(f"{stem}:{name}" if name in taken else name for name in second.ids)
-
-
-def _all_labels(first: MeasurementSet, second: MeasurementSet) -> dict[str, Any]:
-    return {name: _labels(first, second, name) for name in LABELS}
 
 
 def _labels(first: MeasurementSet, second: MeasurementSet, name: str) -> tuple[str, ...] | None:

@@ -18,7 +18,7 @@ import numpy as np
 from postproc.arrays import ROUNDING, TINY, BoolArray, FloatArray
 from postproc.errors import DataError, SourceRef
 from postproc.geometry import apply, inverse, rotation_from_vector, transform
-from postproc.measurement.setups import SetUps
+from postproc.measurement.rows import SetUps
 from postproc.model import Registration
 
 REACH = 0.5

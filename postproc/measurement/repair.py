@@ -21,8 +21,7 @@ from postproc.geometry import apply
 from postproc.kinematics import Kinematics
 from postproc.measurement.readings import has_points
 from postproc.measurement.registration import fit_registration, frames_of, points_of
-from postproc.measurement.rows import MeasurementSet, Remark
-from postproc.measurement.setups import set_ups
+from postproc.measurement.rows import MeasurementSet, Remark, set_ups
 from postproc.model import Registration
 from postproc.units import DEG, MM, SINGLE
 

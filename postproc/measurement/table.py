@@ -1,14 +1,14 @@
-"""A table of numbers as text: UTF-8, header row, ``#`` comment lines, columns in any order.
+"""Tables of numbers as text: read, and made to be filled in.
 
-Commas separate columns; where the header has none, semicolons or tabs do, and decimals may have a
-comma: all of them or none.
+UTF-8, header row, ``#`` comment lines, columns in any order. Commas separate columns; where the
+header has none, semicolons or tabs do, and decimals may have a comma: all of them or none.
 """
 
 from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -164,3 +164,18 @@ def finite(table: Table, name: str) -> FloatArray:
         shown = table.columns[name][row].strip() or "empty"
         raise table.error("MEA007", f"{name} is {shown}, expected a finite number", row)
     return values
+
+
+def cells(names: Sequence[str], values: FloatArray, digits: int) -> dict[str, str]:
+    """Return the cells of numbers (k,) under their names; -0 is 0."""
+    return {name: f"{v:z.{digits}f}" for name, v in zip(names, values, strict=True)}
+
+
+def table_to_fill_in(notes: Sequence[str], rows: Sequence[Mapping[str, str]]) -> bytes:
+    """Return the CSV of rows with the same columns, below notes as comment lines."""
+    lines = [
+        *(f"# {note}" for note in notes),
+        ",".join(rows[0]),
+        *(",".join(row.values()) for row in rows),
+    ]
+    return ("\n".join(lines) + "\n").encode()

@@ -63,8 +63,7 @@ from postproc.verification.checks import (
     check_joints,
     check_speeds,
 )
-from postproc.verification.collisions import check_collisions
-from postproc.verification.corners import blended, check_corners, corners_of
+from postproc.verification.corners import blended, check_collisions, check_corners, corners_of
 from postproc.verification.coverage import coverage_of
 from postproc.verification.entries import check_entries
 from postproc.verification.report import Played, Remark, Said, VerifyReport, collected, in_order

@@ -13,8 +13,8 @@ from postproc.batch import executors
 from postproc.batch.child import run_in_child
 from postproc.batch.jobs import Job
 from postproc.batch.worker import run_job
+from postproc.cli.commands.batch import EVERY, Lines, speed, ticker
 from postproc.cli.common import Session
-from postproc.cli.ticker import EVERY, Lines, speed, ticker
 from postproc.errors import DataError
 from postproc.jobs.convert import ConvertRequest
 from tests.batch.misbehave import misbehave

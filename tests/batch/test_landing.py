@@ -2,8 +2,7 @@
 
 import itertools
 
-from postproc.batch.landing import Landing
-from postproc.batch.manifest import Manifest
+from postproc.batch.manifest import Landing, Manifest
 from postproc.batch.worker import JobResult
 
 FILES = {"a": ["x.src"], "b": ["X.src", "y.src"], "c": ["y.src", "z.src"], "d": ["w.src"]}

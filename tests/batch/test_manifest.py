@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from postproc.batch.junit import junit_xml
+from postproc.batch.check import junit_xml
 from postproc.batch.manifest import JOURNAL, NAME, Manifest, folder_lock
 from postproc.batch.worker import JobResult
 from postproc.errors import DataError

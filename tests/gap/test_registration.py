@@ -56,7 +56,7 @@ def test_tracker_and_reflector_are_found(loaded, kinematics, cell):
     from postproc.gap.data.dataset import samples_of
     from postproc.gap.fit.registration import register
     from postproc.gap.robot_model import RobotModel
-    from postproc.measurement.setups import set_ups
+    from postproc.measurement.rows import set_ups
 
     rows, model = loaded(2)
     robot = RobotModel.of(kinematics, cell, model)

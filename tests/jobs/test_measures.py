@@ -1,6 +1,6 @@
 """What ``verify`` says is allowed is what its checks ask."""
 
-from postproc.jobs.measures import MEASURES
+from postproc.jobs.explain import MEASURES
 from postproc.kinematics import STRETCHED
 from postproc.units import DEG, MM, PERCENT
 from postproc.verification.cam.feeds import FEED_TOLERANCE

@@ -17,9 +17,10 @@ from postproc.kinematics.singular import (
     elbow_distance,
     shoulder_distance,
     smallest_singular_value,
+    status_turn,
+    turn,
     wrist_distance,
 )
-from postproc.kinematics.status import status_turn, turn
 from postproc.units import DEG
 
 KR500 = build(load_robot("kuka_kr500_r2830"))

@@ -224,7 +224,7 @@ def wall(q_from, q_to):
 
 
 def test_the_way_goes_round_what_is_not_free(plan):
-    from postproc.jobs.ways import with_free_ways
+    from postproc.jobs.drive import with_free_ways
 
     part, blocked, way, back = with_free_ways(plan, wall)
     assert not blocked
@@ -236,7 +236,7 @@ def test_the_way_goes_round_what_is_not_free(plan):
 
 
 def test_the_way_may_go_through_postures_that_are_not_read():
-    from postproc.jobs.ways import free_ways
+    from postproc.jobs.drive import free_ways
 
     left, right = np.zeros((1, 6)), np.zeros((1, 6))
     left[0, :2], right[0, :2] = (-0.5, -1.2), (0.5, -1.2)
@@ -255,7 +255,7 @@ def test_the_way_may_go_through_postures_that_are_not_read():
 
 
 def test_postures_without_any_free_way_are_left_out(plan):
-    from postproc.jobs.ways import with_free_ways
+    from postproc.jobs.drive import with_free_ways
 
     part, blocked, way, _ = with_free_ways(plan, lambda a, b: (a[:, 0] > 0.0) == (b[:, 0] > 0.0))
     assert len(part) + len(blocked) == len(plan)

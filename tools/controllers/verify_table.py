@@ -12,7 +12,7 @@ import numpy as np
 
 from postproc.cell import Cell, parse_cell
 from postproc.errors import Finding, PostprocError
-from postproc.jobs.controller_backup import cell_from_backup
+from postproc.jobs.new_cell import OPTIONS, draft_from_backup
 from postproc.jobs.verify import verify
 from postproc.verification.coverage import NOT_KNOWN, Coverage
 
@@ -82,7 +82,7 @@ def table_of(folders: Iterable[Path]) -> Table:
 
 def _cell_of(folder: Path) -> Cell:
     """Return the cell of a backup; which axis of a tool works matters to no program by itself."""
-    made = cell_from_backup(folder, folder.name)
+    made = draft_from_backup(folder, {**OPTIONS, "name": folder.name}, Path("cell.toml"))
     cell = parse_cell(made.text.encode("utf-8"), "cell.toml")
     tools = [replace(tool, known_axis=np.array([0.0, 0.0, 1.0])) for tool in cell.tools]
     return replace(cell, tools=tuple(tools))

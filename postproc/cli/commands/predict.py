@@ -42,7 +42,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     """
     from postproc.cell import load_cell
     from postproc.files import write_files
-    from postproc.jobs.predict import predict
+    from postproc.jobs.readings import predict
     from postproc.model import load_model
 
     cell = load_cell(options["cell"]).for_tool(options["tool"])

@@ -127,7 +127,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     ten campaigns, and the pairs that will stay one set. Unloaded but for --load-kg and --force.
     """
     from postproc.cell import load_cell
-    from postproc.jobs.measuring_plan import measuring_plan
+    from postproc.jobs.measuring_plan import sample
 
     names = {"box": "box_mm", "grid": "grid_mm", "angles": "angles_deg", "load_at": "load_at_mm",
              "orientation": "orientation_deg", "force": "forces_N", "wait": "wait_s",
@@ -136,7 +136,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     cell = load_cell(options["cell"])
     folder = Path(options["output"])
     with session.progress() as progress:
-        plan = measuring_plan(cell, **asked, progress=progress)
+        plan = sample(cell, **asked, progress=progress)
     plan.write(folder)
     session.document(plan.document)
     show = _diagnosis_summary if options["for_diagnosis"] else _summary

@@ -123,7 +123,7 @@ _UNKNOWN = 20
 
 def _measured(report: VerifyReport, cell: Cell, tolerances: Tolerances) -> list[tuple[str, ...]]:
     """Return a row for each measure: its worst value, what is allowed, and where it is."""
-    from postproc.jobs.measures import measure_named
+    from postproc.jobs.explain import measure_named
 
     rows: list[tuple[str, ...]] = []
     for name, worst in sorted(report.worst.items()):

@@ -23,10 +23,9 @@ from postproc.process import Claims, claimed, only, reordered
 from postproc.records import dataclass
 from postproc.units import DEG, MM
 from postproc.verification.cam.calls import Calls, calls_of
-from postproc.verification.cam.drilled import Hole, holes_of
+from postproc.verification.cam.drilled import Again, Hole, holes_of, program_order
 from postproc.verification.cam.elements import Ways, ways_of
 from postproc.verification.cam.matching import Served, visits_of, wanted_of
-from postproc.verification.cam.order import Again, program_order
 from postproc.verification.cam.real import RealPaths, real_paths
 from postproc.verification.cam.thinned import Passed, passed_of
 from postproc.verification.cam.tilt import Tilts
