@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 import click
 
-from postproc.cli import completion
 from postproc.errors import ExitCode, Finding, Severity, fold
 from postproc.progress import Progress
 from postproc.records import dataclass
@@ -220,7 +219,7 @@ def _of_cell(table: str, options: type[Options], names: Iterable[str]) -> list[D
         meaning, words = key_said(options, name)
         more: dict[str, Any] = {"type": click.Choice(words)} if words else {}
         if name in _PLUGGED:
-            more["shell_complete"] = completion.parts(*_PLUGGED[name])
+            more["shell_complete"] = complete_parts(*_PLUGGED[name])
         if name in ("format", "emitter"):  # the planner says itself which objectives there are
             more["callback"] = _registered(*_PLUGGED[name])
         if name == "accept_words":
@@ -333,14 +332,18 @@ def answer(good: bool) -> int:
 Complete = Callable[[click.Context, click.Parameter, str], list[str]]
 
 
-def robots(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
+def complete_robots(
+    context: click.Context, parameter: click.Parameter, incomplete: str
+) -> list[str]:
     """Return the built-in robots whose name begins so."""
     from postproc.cell import robot_names
 
     return _beginning(robot_names(), incomplete)
 
 
-def explained(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
+def complete_explained(
+    context: click.Context, parameter: click.Parameter, incomplete: str
+) -> list[str]:
     """Return the finding codes and effects that begin so, codes in any case."""
     from postproc.codes import groups
 
@@ -349,7 +352,7 @@ def explained(context: click.Context, parameter: click.Parameter, incomplete: st
     return list(dict.fromkeys([*found, *_beginning(_names("postproc.gap", "EFFECTS"), incomplete)]))
 
 
-def parts(room: str, registry: str, *more: str) -> Complete:
+def complete_parts(room: str, registry: str, *more: str) -> Complete:
     """Return the completion of an option that names a part of a registry.
 
     Args:

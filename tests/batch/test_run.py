@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from postproc.batch import landing as landing_module
+from postproc.batch import manifest as manifest_module
 from postproc.batch.manifest import JOURNAL
 from postproc.cli.app import run as run_cli
 from postproc.errors import ReadError, SourceRef
@@ -212,14 +212,14 @@ def test_a_read_only_folder_is_refused(batch, work, monkeypatch):
 
 
 def test_a_program_that_cannot_be_written_is_one_failure(batch, work, monkeypatch):
-    real = landing_module.write_files
+    real = manifest_module.write_files
 
     def full(contents, **options):
         if any(path.name == "a.src" for path in contents):
             raise ReadError("IO003", "cannot be written: No space left on device", SourceRef("a"))
         real(contents, **options)
 
-    monkeypatch.setattr(landing_module, "write_files", full)
+    monkeypatch.setattr(manifest_module, "write_files", full)
     done = batch()
     assert done.code == 1
     assert set(done.document["failed"]) == {"parts/a.csv", "parts/far.csv"}
@@ -228,10 +228,12 @@ def test_a_program_that_cannot_be_written_is_one_failure(batch, work, monkeypatc
 
 
 def test_when_the_manifest_cannot_be_written_the_journal_stays(batch, work, monkeypatch):
-    from postproc.batch import manifest as manifest_module
+    real = manifest_module.write_files
 
-    def full(contents, **_options):
-        raise ReadError("IO003", "cannot be written: No space left on device", SourceRef("m"))
+    def full(contents, **options):
+        if any(path.name == "manifest.json" for path in contents):
+            raise ReadError("IO003", "cannot be written: No space left on device", SourceRef("m"))
+        real(contents, **options)
 
     (work / "parts" / "far.csv").unlink()
     with monkeypatch.context() as patch:

@@ -6,8 +6,7 @@ import textwrap
 
 import click
 
-from postproc.cli import completion
-from postproc.cli.common import Session, answer, standard_options
+from postproc.cli.common import Session, answer, complete_explained, standard_options
 from postproc.codes import Entry, groups
 from postproc.jobs.explain import explain, explain_document
 
@@ -23,7 +22,7 @@ _WIDTH = 88
 
 
 @click.command(epilog=EPILOG)
-@click.argument("code", required=False, shell_complete=completion.explained)
+@click.argument("code", required=False, shell_complete=complete_explained)
 @standard_options
 def command(session: Session, /, code: str | None) -> int:
     """Say what a finding CODE means and what to do about it; without CODE list all codes.

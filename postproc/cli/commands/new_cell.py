@@ -9,8 +9,15 @@ from typing import Any
 
 import click
 
-from postproc.cli import completion
-from postproc.cli.common import NOT_NEGATIVE, NUMBER, POSITIVE, Session, answer, standard_options
+from postproc.cli.common import (
+    NOT_NEGATIVE,
+    NUMBER,
+    POSITIVE,
+    Session,
+    answer,
+    complete_robots,
+    standard_options,
+)
 from postproc.errors import CellError, UsageError
 
 STARTS = ("program", "unit", "hand")
@@ -160,7 +167,7 @@ class _NewCell(click.Command):
 @click.option(
     "--robot",
     metavar="NAME",
-    shell_complete=completion.robots,
+    shell_complete=complete_robots,
     help="Built-in robot, see postproc robots.",
 )
 @click.option("--backup", metavar="ARCHIVE", help="Backup of a KRC controller: ZIP or folder.")

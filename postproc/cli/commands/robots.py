@@ -6,8 +6,7 @@ from typing import Any
 
 import click
 
-from postproc.cli import completion
-from postproc.cli.common import NOT_NEGATIVE, Session, answer, standard_options
+from postproc.cli.common import NOT_NEGATIVE, Session, answer, complete_robots, standard_options
 
 EPILOG = """\b
 Examples:
@@ -19,7 +18,7 @@ Examples:
 
 
 @click.command(epilog=EPILOG)
-@click.argument("name", required=False, shell_complete=completion.robots)
+@click.argument("name", required=False, shell_complete=complete_robots)
 @click.option(
     "--reach", type=NOT_NEGATIVE, metavar="MM", help="Only arms that reach this far [mm]."
 )
