@@ -9,8 +9,6 @@ from postproc.backup import BackupComparison, compare, read_backup
 from postproc.cell import Cell, cell_toml
 from postproc.errors import Finding, Severity, SourceRef
 
-_CODES = {Severity.ERROR: "BAK101", Severity.WARNING: "BAK102", Severity.NOTE: "BAK103"}
-
 
 def compare_backup(cell: Cell, path: str | Path) -> tuple[BackupComparison, tuple[Finding, ...]]:
     """Return where a cell and a controller differ, also as findings with their line in the cell.
@@ -24,8 +22,16 @@ def compare_backup(cell: Cell, path: str | Path) -> tuple[BackupComparison, tupl
     for difference in comparison.differences:
         source = toml.source(_as_written(difference.at, toml.data))
         place = SourceRef(source.path, source.line)
-        severity = difference.severity
-        findings.append(Finding(severity, _CODES[severity], difference.text, source=place))
+        how = difference.severity
+        is_error, is_warning = how is Severity.ERROR, how is Severity.WARNING
+        findings.append(
+            Finding(
+                how,
+                "BAK101" if is_error else "BAK102" if is_warning else "BAK103",
+                difference.text,
+                source=place,
+            )
+        )
     return comparison, tuple(findings)
 
 
