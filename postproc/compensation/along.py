@@ -24,12 +24,7 @@ from postproc.model import AlongPath, ModelFile, MoveRole, Plan
 from postproc.paths import Paths
 from postproc.process import LEAST_SHARE
 from postproc.records import dataclass
-from postproc.trace import (
-    PATH_EFFECTS,
-    PLANNER,
-    REST,
-    known_effects,
-)
+from postproc.trace import PATH_EFFECTS, PLANNER, REST, known_effects
 from postproc.units import DEG, UM
 
 SETTLED = 5.0 * UM

@@ -298,11 +298,7 @@ def _T_robroot_base(plan: Plan, cell: Cell, kinematics: Kinematics) -> FloatArra
 
 
 def _shifted(
-    plan: Plan,
-    cell: Cell,
-    kinematics: Kinematics,
-    rows: _Rows,
-    solved: Compensated,
+    plan: Plan, cell: Cell, kinematics: Kinematics, rows: _Rows, solved: Compensated
 ) -> Plan:
     m = len(plan)
     R_base_robroot = np.swapaxes(_T_robroot_base(plan, cell, kinematics)[:, :3, :3], 1, 2)
@@ -311,13 +307,7 @@ def _shifted(
     T_base_tcp[:, :3, 3] += shift
     aux = np.array(plan.aux)
     aux[rows.arc] += np.einsum("nij,nj->ni", R_base_robroot[rows.arc], solved.shift[m:])
-    return replace(
-        plan,
-        q=solved.q[:m],
-        T_base_tcp=T_base_tcp,
-        aux=aux,
-        compensation=shift,
-    )
+    return replace(plan, q=solved.q[:m], T_base_tcp=T_base_tcp, aux=aux, compensation=shift)
 
 
 def _blends(plan: Plan, tolerance: float) -> FloatArray:

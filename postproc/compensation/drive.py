@@ -90,10 +90,7 @@ def check_size(shift: FloatArray, file: ModelFile) -> None:
 
 
 def driven(
-    paths: Paths,
-    cell: Cell,
-    kinematics: Kinematics,
-    effects: Mapping[str, FloatArray],
+    paths: Paths, cell: Cell, kinematics: Kinematics, effects: Mapping[str, FloatArray]
 ) -> Drive:
     """Return a run in time under effects along the path.
 

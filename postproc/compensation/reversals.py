@@ -113,11 +113,7 @@ def _turns(q: FloatArray, side: FloatArray) -> list[tuple[int, float]]:
 
 
 def _swung(
-    along: FloatArray,
-    q: FloatArray,
-    turns: list[tuple[int, float]],
-    reach: FloatArray,
-    lost: float,
+    along: FloatArray, q: FloatArray, turns: list[tuple[int, float]], reach: FloatArray, lost: float
 ) -> FloatArray:
     """Return the side (k,) that swings over at turns, along a stretch (k,) [m] of a joint (k,)."""
     value, to, R, x = -turns[0][1], -turns[0][1], 1.0, -np.inf

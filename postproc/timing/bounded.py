@@ -175,10 +175,7 @@ def slopes(row: IndexArray, at: FloatArray, q: FloatArray) -> tuple[FloatArray, 
 
 
 def bounded_speed(
-    step: FloatArray,
-    cap: FloatArray,
-    push: FloatArray,
-    bounds: Bounds,
+    step: FloatArray, cap: FloatArray, push: FloatArray, bounds: Bounds
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the fastest way along a chain from rest to rest.
 

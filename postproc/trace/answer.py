@@ -15,15 +15,7 @@ from postproc.model import ModelFile
 from postproc.progress import Clock, Progress
 from postproc.records import dataclass
 from postproc.trace.contour import contour_error
-from postproc.trace.effect import (
-    JOINTS,
-    LINK,
-    PATH_EFFECTS,
-    PROGRAM,
-    TOOL,
-    WHOLE,
-    known_effects,
-)
+from postproc.trace.effect import JOINTS, LINK, PATH_EFFECTS, PROGRAM, TOOL, WHOLE, known_effects
 from postproc.trace.evidence import PROBABLE, STRETCHES, WHOLE_RUNS, Verdict, judged, withheld
 from postproc.trace.fit import values_of
 from postproc.trace.planner import Planned, feed, less_known, rounding
@@ -183,7 +175,7 @@ class PathDiagnosis:
     def adopted(self) -> tuple[str, ...]:
         """Names, in order of how much of the gap they remove."""
         good = [p for p in self.proofs if p.name in self._named and self._holds(p)]
-        good.sort(key=lambda p: -_weight(p))
+        good.sort(key=lambda p: p.after**2 - p.before**2)
         return tuple(dict.fromkeys(p.name for p in good))
 
     @property
@@ -310,10 +302,6 @@ def _filled(stage: Stage, verdict: Verdict) -> FloatArray:
     like = sum(values.values(), np.zeros_like(stage.gap))
     rest = np.where(good, stage.gap - like, 0.0).sum(axis=1) / np.maximum(good.sum(axis=1), 1)
     return np.where(good, stage.gap, like + rest[:, None])
-
-
-def _weight(proof: Proof) -> float:
-    return float(proof.before**2 - proof.after**2)
 
 
 def _blocks(stage: Stage) -> AnyIntArray:

@@ -114,12 +114,7 @@ def _means(rest: FloatArray, good: BoolArray) -> FloatArray:
     return np.asarray(np.where(good, rest, 0.0).sum(axis=1) / count)
 
 
-def _solved(
-    stage: Stage,
-    thetas: Thetas,
-    sigma: FloatArray,
-    good: BoolArray,
-) -> Fit:
+def _solved(stage: Stage, thetas: Thetas, sigma: FloatArray, good: BoolArray) -> Fit:
     """Return one step of Gauss and Newton, with priors of the usual sizes."""
     names = list(thetas)
     parts = {name: PATH_EFFECTS.get(name).part(stage, theta) for name, theta in thetas.items()}

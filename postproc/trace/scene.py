@@ -169,10 +169,6 @@ class Stage:
         J = self.scene.jacobian
         return [Piece(axis, index, J[:, axis, joint, None] * columns) for axis in range(3)]
 
-    def columns(self, slopes: FloatArray) -> list[Piece]:
-        """Return what one parameter does to the outputs, of its slopes (m, n)."""
-        return [Piece(output, (0,), row[:, None]) for output, row in enumerate(slopes)]
-
     def lifted(self, joints: FloatArray) -> FloatArray:
         """Return the outputs (m, n) of joint displacements (n, 6) [rad]."""
         if self.in_joints:

@@ -12,7 +12,7 @@ from postproc.model import ModelFile
 from postproc.trace.contour import LONGEST
 from postproc.trace.delays import delayed
 from postproc.trace.effect import JOINTS, WHOLE, Part, PathEffect, moving, register
-from postproc.trace.scene import Stage
+from postproc.trace.scene import Piece, Stage
 from postproc.units import DEG, MS
 
 SLOW = 0.5 * DEG
@@ -39,8 +39,10 @@ class ControllerDelay(PathEffect):
 
     def part(self, stage: Stage, theta: FloatArray, tangent: bool = True) -> Part:
         """Move every joint to where its reference was."""
+        del tangent
         value, rate = delayed(stage, float(theta[0]))
-        return Part(value, stage.columns(rate) if tangent else [])
+        pieces = [Piece(output, (0,), row[:, None]) for output, row in enumerate(rate)]
+        return Part(value, pieces)
 
     def widths(self, theta: FloatArray) -> FloatArray:
         """Return some cycles of a controller."""
