@@ -21,7 +21,6 @@ from postproc.comparison.difference import (
     xyz,
 )
 from postproc.comparison.lines import Compared
-from postproc.comparison.manifest import about
 from postproc.comparison.objects import Matched, Place, Shift, match, places_of, tool_axis
 from postproc.geometry import rotation_angle
 from postproc.units import DEG
@@ -59,7 +58,7 @@ class _Review:
             places_of(side, has_home=beside.home_of(side) is not None)
             for side in (compared.old, compared.new)
         )
-        self.about = [about(side.trace.files) for side in (compared.old, compared.new)]
+        self.about = [side.about for side in (compared.old, compared.new)]
         self.axis = tool_axis(self.old, self.new, compared)
         self.matched: Matched = match(self.old, self.new, self.axis, compared)
         self.home: list[Group] = list(beside.changed_homes(compared, tolerance.angle_deg))
@@ -127,8 +126,9 @@ class _Review:
             elif abs(shift.further) > self.limits.position_mm:
                 key = "approach height", round(-shift.further, 3)
                 along.setdefault(key, []).append(self._name(a))
-            if len(a.path) != len(b.path):
-                text = f"{len(a.path)} motions became {len(b.path)}"
+            lower = [p.highest(self.axis)[1] for p in (a, b)]
+            if lower[0] != lower[1]:
+                text = f"{lower[0]} strokes became {lower[1]}"
                 counts.setdefault(text, []).append(self._name(a))
         yield from self._moved(moved)
         for (what, change), ids in sorted(along.items(), key=lambda item: -abs(item[0][1])):
@@ -151,7 +151,8 @@ class _Review:
             before, after = self._joints(a, b)
             by_joints = float(np.abs(before - after).max(initial=0.0)) / DEG
             count = len(b.path) + len(b.joints)
-            if len(a.joints) != len(b.joints):
+            lower = [p.highest(self.axis)[1] for p in (a, b)]
+            if lower[0] == lower[1] and len(a.joints) + len(a.path) != count:
                 detours.append(name)
             if _flipped(before, after):
                 flips.append(name)

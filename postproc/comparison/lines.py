@@ -11,6 +11,7 @@ import numpy as np
 from postproc.arrays import FloatArray, IndexArray
 from postproc.comparison.align import Lines, align
 from postproc.comparison.listing import listing
+from postproc.comparison.manifest import about
 from postproc.comparison.settings import StateDifference, cam_lines, state_differences
 from postproc.comparison.texts import AXES, POSE, externals_text, status_text, target_text
 from postproc.controller import Blend, EventWord, Trace, TraceEvent
@@ -50,6 +51,8 @@ class Program:
     """What is in force behind the last motions; see ``Listing``."""
     cam: IndexArray
     """(m,) CAM line that the comment of a motion names, 0 without one."""
+    about: dict[str, Any]
+    """Its frames and the ids of its tags, see ``about``."""
 
     def place(self, line: int) -> tuple[str, int]:
         """Return file and line in the file."""
@@ -73,8 +76,8 @@ def program_of(modules: Sequence[KrlModule], name: str, inline: bool) -> Program
     order = np.argsort(order, kind="stable")
     motion = np.concatenate([np.arange(m), np.full(k, -1)])[order]
     event = np.concatenate([np.full(m, -1), np.arange(k)])[order]
-    cam = cam_lines(modules, trace)
-    return Program(trace, made.words, made.relative, texts, motion, event, made.ends, cam)
+    known = cam_lines(modules, trace), about(trace.files, modules)
+    return Program(trace, made.words, made.relative, texts, motion, event, made.ends, *known)
 
 
 def _text(event: TraceEvent, own: str) -> str:

@@ -13,27 +13,23 @@ from typing import Any
 from postproc.controller import load_program
 from postproc.errors import KrlError, SourceRef
 from postproc.files import read_bytes, write_files
-from postproc.krl import KrlModule, load_modules
+from postproc.krl import Comment, KrlModule, Move, load_modules
 
-_FRAME = re.compile(
-    rb"^; (tool|base) (\d+): X (.*?), Y (.*?), Z (.*?), A (.*?), B (.*?), C (.*?)\s*$", re.M
-)
+_FRAME = re.compile(r" (tool|base) (\d+): X (.*?), Y (.*?), Z (.*?), A (.*?), B (.*?), C (.*?)\s*")
 """How the comments at the head of a program name its frames [mm, deg]."""
-_TAG = re.compile(rb"^S?(?:PTP|LIN|CIRC)\b[^;]*; CAM line (\d+): (.*?)\s*$", re.MULTILINE)
+_TAG = re.compile(r"\s*CAM line (\d+): (.*?)\s*")
 """How the comment behind a motion names its tag."""
 MANIFEST = "manifest.json"
 """What a batch keeps about the programs of a folder."""
 
 
-def about(paths: Sequence[str]) -> dict[str, Any]:
+def about(paths: Sequence[str], modules: Sequence[KrlModule] = ()) -> dict[str, Any]:
     """Return ``tools``, ``bases`` and ``ids`` of a program by its files; empty where not known.
 
-    A manifest that was made with another text of the program says nothing about this one: then its
-    own comments do.
+    A manifest that was made with another text of the program says nothing about this one: then the
+    comments of its ``modules`` do.
     """
     files = [Path(path) for path in paths]
-    if not files or not all(path.is_file() for path in files):
-        return {}
     with suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
         entries = json.loads((files[0].parent / MANIFEST).read_bytes())["entries"].values()
         marks = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
@@ -42,20 +38,20 @@ def about(paths: Sequence[str]) -> dict[str, Any]:
         frames = [*parts.get("tools", {}).values(), *parts.get("bases", {}).values()]
         if parts and all(len([float(v) for v in frame]) == 6 for frame in frames):
             return parts
-    with suppress(OSError, ValueError):
-        return _told(files)
-    return {}
+    return _told(modules)
 
 
-def _told(files: Sequence[Path]) -> dict[str, Any]:
+def _told(modules: Sequence[KrlModule]) -> dict[str, Any]:
     """Return what the comments of a program say: its frames, its tags by their CAM line."""
     found: dict[str, dict[str, Any]] = {"tools": {}, "bases": {}, "ids": {}}
     names: dict[str, set[str]] = {}
-    for text in (path.read_bytes() for path in files if path.suffix.lower() == ".src"):
-        for kind, number, *values in _FRAME.findall(text):
-            found[f"{kind.decode()}s"][number.decode()] = [float(value) for value in values]
-        for line, name in _TAG.findall(text):
-            names.setdefault(line.decode(), set()).add(name.decode("ascii", "replace"))
+    for statement in (s for module in modules for r in module.routines for s in r.statements):
+        if isinstance(statement, Comment) and (frame := _FRAME.fullmatch(statement.text)):
+            kind, number, *values = frame.groups()
+            with suppress(ValueError):
+                found[f"{kind}s"][number] = [float(value) for value in values]
+        elif isinstance(statement, Move) and (tag := _TAG.fullmatch(statement.comment)):
+            names.setdefault(tag[1], set()).add(tag[2])
     found["ids"] = {line: min(known) for line, known in names.items() if len(known) == 1}
     return found
 

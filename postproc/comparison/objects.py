@@ -48,6 +48,18 @@ class Place:
         """Return which point lies farthest along the tool; ``axis`` (3,) in the TCP frame."""
         return int(np.argmax(self.points @ (self.R[0] @ axis)))
 
+    def highest(self, axis: FloatArray) -> tuple[int, int]:
+        """Return which point lies highest above the deepest one, and how many lie lower.
+
+        Of those in line with it: the others, like joint motions, are a way to there.
+        """
+        k = self.deepest(axis)
+        tool, way = self.R[k] @ axis, self.points[k] - self.points
+        up = way @ tool
+        in_line = np.linalg.norm(way - up[:, None] * tool, axis=1) < NEAR_MM
+        top = int(np.argmax(np.where(in_line, np.round(up / NEAR_MM), -1.0)))
+        return top, int((in_line & (up < up[top] - NEAR_MM)).sum())
+
 
 def places_of(program: Program, *, has_home: bool) -> list[Place]:
     """Return the places of a program in order; none of one without motions along a path.
@@ -155,7 +167,8 @@ class Shift:
         """Return the shift between two versions of a place; ``axis``: of the tool in the TCP."""
         k, n = a.deepest(axis), b.deepest(axis)
         tool, other = a.R[k] @ axis, b.R[n] @ axis
-        steps = np.array([b.points[n] - a.points[k], b.points[0] - a.points[0]])
+        tops = b.points[b.highest(axis)[0]] - a.points[a.highest(axis)[0]]
+        steps = np.array([b.points[n] - a.points[k], tops])
         if len(a.points) == len(b.points):
             steps = np.vstack([steps, b.points - a.points])
         along = steps @ tool
@@ -216,11 +229,9 @@ def match(old: list[Place], new: list[Place], axis: FloatArray, compared: Compar
 
 
 def _feature(places: list[Place], axis: FloatArray) -> FloatArray:
-    """Return (n, 9): first and deepest point [mm] and the tool axis, scaled as mm at 100 mm."""
-    rows = [
-        (*p.points[0], *p.points[p.deepest(axis)], *(100.0 * (p.R[p.deepest(axis)] @ axis)))
-        for p in places
-    ]
+    """Return (n, 9): highest and deepest point [mm], tool axis scaled as mm at 100 mm."""
+    ends = ((p, p.highest(axis)[0], p.deepest(axis)) for p in places)
+    rows = [(*p.points[top], *p.points[k], *(100.0 * (p.R[k] @ axis))) for p, top, k in ends]
     return np.array(rows).reshape(-1, 9)
 
 

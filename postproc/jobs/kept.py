@@ -116,7 +116,7 @@ def digest_of(old: str) -> str:
         if file.is_file() and file.suffix.lower() in (_SUFFIX, ".dat"):
             mark.update(file.name.encode("utf-8", "surrogateescape"))
             mark.update(read_bytes(str(file)))
-            ids = about([str(file)]).get("ids", {})
+            ids = about([str(file)])["ids"]
             mark.update(json.dumps(ids, sort_keys=True).encode())
     return mark.hexdigest()
 
@@ -143,7 +143,7 @@ def poses_of(program: Path, cell: Cell) -> OldPoses:
     columns = (trace.column(name).astype(np.int64) for name in ("tool_number", "base_number"))
     tool, base = (column[rows] for column in columns)
     lines = cam_lines(modules, trace)[rows]
-    return OldPoses(T, q, tool, base, lines, about(trace.files).get("ids", {}))
+    return OldPoses(T, q, tool, base, lines, about(trace.files, modules)["ids"])
 
 
 def _require_arm(

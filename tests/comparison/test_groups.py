@@ -196,8 +196,11 @@ def test_hands_edits_are_told_as_what_they_are(made, tmp_path, capsys):
     text = (made() / "panel.src").read_text()
     line = next(row for row in text.splitlines() if row.startswith("PTP") and "line 8" in row)
     angle = line.partition("A1 ")[2].partition(",")[0]
+    plunge = next(row for row in text.splitlines() if row.startswith("LIN") and "line 8" in row)
+    beside = plunge.replace("X 120.0000", "X 180.0000").replace("Z 2.0000", "Z 60.0000")
     edits = {
         (line, line.replace(angle, f"{float(angle) + 3:.5f}")): "posture: joint targets moved by",
+        (line, f"{line}\n{beside}"): "posture: the arm goes another way to B3",
         ("X 120.0000,Y 50.0000,Z 10.0000", "X 120.0000,Y 51.0000,Z 10.0000"): "moved: B3 moved",
         ("X 120.0000,Y 50.0000,Z 2.0000", "X 120.0000,Y 50.0000,Z 3.0000"): "process: approach",
         ("BAS(#VEL_PTP,50)", "BAS(#VEL_PTP,60)"): "process: $VEL_AXIS 50 became 60 %: all 48",

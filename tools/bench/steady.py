@@ -4,7 +4,7 @@ Panels of holes in a user's cell (``cells``), each edit converted freely and wit
 program before. Printed are the poses of holes that nobody edited which turned by more than .001
 deg, or stand in another arm configuration; and what ``diff`` says first, with its lines.
 
-    python -m tools.bench steady [--sizes 50 1000] [--cell cell] [--edits moved base]
+    python -m tools.bench steady [--sizes 50 1000] [--cell cell] [--arm kuka_kr500_r2830]
 """
 
 from __future__ import annotations
@@ -35,38 +35,38 @@ Holes = dict[str, FloatArray]
 """Id to x, y, z, i, j, k, feed."""
 
 
-def moved(holes: Holes, cell: str) -> tuple[Holes, str]:
+def moved(holes: Holes, cell: str, at: int) -> tuple[Holes, str]:
     """Move one hole by 1.118 mm across its axis."""
-    name = _middle(holes)
+    name = list(holes)[at]
     return {**holes, name: holes[name] + [0, 1, 0.5, 0, 0, 0, 0]}, cell
 
 
-def added(holes: Holes, cell: str) -> tuple[Holes, str]:
+def added(holes: Holes, cell: str, at: int) -> tuple[Holes, str]:
     """Add a hole between two."""
-    names, at = list(holes), len(holes) // 3
+    names = list(holes)
     new = (holes[names[at]] + holes[names[at + 1]]) / 2.0
     new[3:6] /= np.linalg.norm(new[3:6])
     rows = list(holes.items())
     return dict([*rows[: at + 1], ("NEW", new), *rows[at + 1 :]]), cell
 
 
-def removed(holes: Holes, cell: str) -> tuple[Holes, str]:
+def removed(holes: Holes, cell: str, at: int) -> tuple[Holes, str]:
     """Leave one hole out."""
-    return {name: row for name, row in holes.items() if name != _middle(holes)}, cell
+    return {name: row for name, row in holes.items() if name != list(holes)[at]}, cell
 
 
-def feed(holes: Holes, cell: str) -> tuple[Holes, str]:
+def feed(holes: Holes, cell: str, at: int) -> tuple[Holes, str]:
     """Feed slower at one hole."""
-    name = _middle(holes)
+    name = list(holes)[at]
     return {**holes, name: holes[name] - [0, 0, 0, 0, 0, 0, 150.0]}, cell
 
 
-def base(holes: Holes, cell: str) -> tuple[Holes, str]:
+def base(holes: Holes, cell: str, _at: int) -> tuple[Holes, str]:
     """Move the base, as after measuring it anew."""
     return holes, _shifted(cell, "[workpiece]", (5.0, -3.0, 2.0))
 
 
-def tool(holes: Holes, cell: str) -> tuple[Holes, str]:
+def tool(holes: Holes, cell: str, _at: int) -> tuple[Holes, str]:
     """Take a tool 10 mm longer."""
     turned = re.search(rf"\[tool\].*?abc_deg = \[({_NUMBERS}(?:, *{_NUMBERS})*)\]", cell, re.DOTALL)
     if turned is None:
@@ -75,18 +75,11 @@ def tool(holes: Holes, cell: str) -> tuple[Holes, str]:
     return holes, _shifted(cell, "[tool]", tuple((10.0 * R[:, 2]).tolist()))
 
 
-EDITS: tuple[Callable[[Holes, str], tuple[Holes, str]], ...] = (
-    moved,
-    added,
-    removed,
-    feed,
-    base,
-    tool,
-)
-
-
-def _middle(holes: Holes) -> str:
-    return list(holes)[len(holes) // 3]
+Edit = Callable[[Holes, str, int], tuple[Holes, str]]
+OF_A_HOLE: tuple[Edit, ...] = (moved, added, removed, feed)
+OF_ALL: tuple[Edit, ...] = (base, tool)
+PLACES = (1 / 3, 0.05, 0.9)
+"""Where in the panel a hole is edited; the first of these also for what concerns all."""
 
 
 def _shifted(cell: str, table: str, by: tuple[float, ...]) -> str:
@@ -103,12 +96,13 @@ def _shifted(cell: str, table: str, by: tuple[float, ...]) -> str:
 class Panel:
     """A panel in a folder: its holes, its cell, and the program before the edit."""
 
-    def __init__(self, size: int, kind: str, folder: Path, workloads: Path) -> None:
+    def __init__(self, size: int, kind: str, arm: str, folder: Path, workloads: Path) -> None:
         self.folder = folder
         write_cells(folder, workloads)
         rows = np.loadtxt(holes_file(size, folder, workloads), delimiter=",", skiprows=1)
         self.holes = {f"H{k + 1}": np.append(row, FEED) for k, row in enumerate(rows)}
         self.cell = (folder / f"{kind}.toml").read_text(encoding="utf-8")
+        self.cell = re.sub(r'"kuka_\w+"', f'"{arm}"', self.cell)
         self.before = self.made("before", self.holes, self.cell)
 
     def made(self, name: str, holes: Holes, cell: str, keep: str | None = None) -> Conversion:
@@ -126,13 +120,15 @@ class Panel:
 
     def rows(self) -> Iterator[str]:
         """Yield a line for each edit and way to plan."""
-        for edit in EDITS:
-            holes, cell = edit(self.holes, self.cell)
+        every = [(edit, place) for edit in OF_A_HOLE for place in PLACES]
+        for edit, place in [*every, *((edit, PLACES[0]) for edit in OF_ALL)]:
+            holes, cell = edit(self.holes, self.cell, int(place * len(self.holes)))
             for keep in (None, str(self.folder / "before")):
                 after = self.made("after", holes, cell, keep)
                 said = diff(self.folder / "before", self.folder / "after").summary().splitlines()
                 share = 100.0 * self.changed(after, _edited(self.holes, holes))
-                how = f"{len(self.holes):>5} {edit.__name__:>8} {'keep' if keep else 'free'}"
+                how = f"{len(self.holes):>5} {edit.__name__:>8} {place:4.2f} "
+                how += "keep" if keep else "free"
                 yield f"{how} {share:6.2f} % {len(said):>3}  {said[0]}"
 
     def changed(self, after: Conversion, edited: set[str]) -> float:
@@ -166,11 +162,13 @@ def main() -> None:
     parser.add_argument("--workloads", type=Path, default=WORKLOADS)
     parser.add_argument("--sizes", type=int, nargs="*", default=[50, 1000])
     parser.add_argument("--cell", choices=KINDS, default="cell")
+    parser.add_argument("--arm", default="kuka_kr500_r2830")
     arguments = parser.parse_args()
-    print("holes     edit  how changed  lines and the first of diff")
+    print("holes     edit   at  how changed  lines and the first of diff")
     for size in arguments.sizes:
         with tempfile.TemporaryDirectory() as name:
-            for line in Panel(size, arguments.cell, Path(name), arguments.workloads).rows():
+            where = Path(name), arguments.workloads
+            for line in Panel(size, arguments.cell, arguments.arm, *where).rows():
                 print(line, flush=True)
 
 
