@@ -11,6 +11,7 @@ removed or changed; whole modules with ``module``.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import field, replace
 from pathlib import Path
@@ -54,10 +55,7 @@ class DiffReport:
 
     def counts(self) -> dict[str, int]:
         """Return how many differences there are of each kind."""
-        found: dict[str, int] = {}
-        for item in self.differences:
-            found[item.kind] = found.get(item.kind, 0) + 1
-        return dict(sorted(found.items()))
+        return dict(sorted(Counter(item.kind for item in self.differences).items()))
 
     def groups(self) -> tuple[Group, ...]:
         """Return the differences as a reviewer reads them: by object and cause, worst first."""
@@ -231,15 +229,8 @@ def _unread(
         if Path(path).read_bytes() == Path(other).read_bytes():
             return None
     where = "both" if name in left and name in right else "the old" if name in left else "the new"
-    is_old = name in left
-    return Difference(
-        "module",
-        f"module {name} cannot be compared: {where} is no KRL, {finding.message}",
-        finding.place[1] if is_old else None,
-        None if is_old else finding.place[1],
-        old_file=path if is_old else "",
-        new_file="" if is_old else path,
-    )
+    text = f"module {name} cannot be compared: {where} is no KRL, {finding.message}"
+    return _of_module(text, *finding.place, is_old=name in left)
 
 
 def _compared(
@@ -331,11 +322,11 @@ def _name_in(folder: str, path: str) -> str:
 
 def _lost(module: KrlModule, what: str, *, is_old: bool) -> Difference:
     path = module.src_path or module.dat_path
-    return Difference(
-        "module",
-        f"module {module.name} {what}",
-        1 if is_old else None,
-        None if is_old else 1,
-        old_file=path if is_old else "",
-        new_file="" if is_old else path,
-    )
+    return _of_module(f"module {module.name} {what}", path, 1, is_old=is_old)
+
+
+def _of_module(text: str, path: str, line: int | None, *, is_old: bool) -> Difference:
+    """Return the difference that a module is on one side."""
+    if is_old:
+        return Difference("module", text, line, None, old_file=path)
+    return Difference("module", text, None, line, new_file=path)

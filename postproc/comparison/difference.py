@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 from postproc.arrays import FloatArray
@@ -81,13 +82,7 @@ class Group:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the entry of the JSON document."""
-        return {
-            "kind": self.kind,
-            "count": self.count,
-            "ids": list(self.ids),
-            "worst": self.worst,
-            "text": self.text,
-        }
+        return {**asdict(self), "ids": list(self.ids)}
 
 
 def group_lines(groups: Sequence[Group], most: int = SHOWN) -> list[str]:
