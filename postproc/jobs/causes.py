@@ -37,6 +37,7 @@ from postproc.jobs.cures import (
 from postproc.jobs.unit_doubts import on_the_part
 from postproc.model import ToolPath
 from postproc.planning import Reach
+from postproc.progress import Progress
 from postproc.records import dataclass
 from postproc.toml import Location
 
@@ -58,6 +59,10 @@ _ASKED = 24
 """So many failing tags, evenly taken, are asked whether they have a pose."""
 _WAYS = 3
 """So many ways to move the same thing are converted with, the shortest first."""
+_MOST = 400
+"""So many changes are tried, then what is known is told."""
+_CONVERSION = 10
+"""As many tries of the poses alone take about as long as a conversion."""
 
 Good = Callable[[Cell], bool]
 Read = Callable[[Cell], ToolPath]
@@ -92,7 +97,12 @@ class Cause:
 
 
 def causes(
-    toolpath: ToolPath, cell: Cell, findings: Sequence[Finding], converts: Good, read: Read
+    toolpath: ToolPath,
+    cell: Cell,
+    findings: Sequence[Finding],
+    converts: Good,
+    read: Read,
+    progress: Progress | None = None,
 ) -> tuple[Cause, ...]:
     """Return why a job fails, with what cures it; nothing where no tag has failed by its pose.
 
@@ -102,6 +112,7 @@ def causes(
         findings: errors of the plan.
         converts: whether the whole job is good in a cell.
         read: the input as it is read with a cell of another unit or tool axis.
+        progress: called with (done, total, what).
     """
     failing = {
         f.tag_index: f.code
@@ -110,24 +121,40 @@ def causes(
     }
     if not failing:
         return ()
-    job = _Job(toolpath, cell, failing, read)
-    tried = Counter[str]()
-    for found in job.single():
-        blame = found[0].blame
-        tried[blame] += 1
-        value = job.proven(found, converts) if tried[blame] <= _WAYS else None
-        if value is not None:
-            return (job.told(found, value),)
-    return job.several(converts)
+    job = _Job(
+        toolpath, cell, failing, read, converts, progress or (lambda done, total, what: None)
+    )
+    ways = Counter[str]()
+    try:
+        for found in job.single():
+            blame = found[0].blame
+            ways[blame] += 1
+            value = job.proven(found) if ways[blame] <= _WAYS else None
+            if value is not None:
+                return (job.told(found, value),)
+        return job.several()
+    except _TriedEnoughError:
+        return (job.unproven([], f"none of {_MOST} changes"),)
+
+
+class _TriedEnoughError(Exception):
+    """As many changes were tried as may be."""
 
 
 class _Job:
     """A job that fails, asked in other cells."""
 
     def __init__(
-        self, toolpath: ToolPath, cell: Cell, failing: Mapping[int, str], read: Read
+        self,
+        toolpath: ToolPath,
+        cell: Cell,
+        failing: Mapping[int, str],
+        read: Read,
+        converts: Good,
+        report: Progress,
     ) -> None:
         self._path, self._cell, self._codes, self._read = toolpath, cell, failing, read
+        self._converts, self._report, self._tried = converts, report, 0
         self._tags = np.array(sorted(failing))
         self._most = 2 * len(failing) > len(toolpath)
         self._hard = self._tags[:0]
@@ -141,8 +168,20 @@ class _Job:
 
     # ---- what is asked --------------------------------------------------------------------------
 
+    def _try(self, cost: int = 1) -> None:
+        self._tried += cost
+        if self._tried > _MOST:
+            raise _TriedEnoughError
+        self._report(self._tried, _MOST, "why tags fail: changes tried")
+
+    def converts(self, cell: Cell) -> bool:
+        """Return whether the whole job is good in a cell."""
+        self._try(_CONVERSION)
+        return self._converts(cell)
+
     def stands(self, cell: Cell) -> bool:
         """Return whether the failing tags, and those that stood, have a pose in a cell."""
+        self._try()
         some = self._tags[:: max(1, len(self._tags) // _ASKED)]
         try:
             reach = Reach.of(self._read(cell), cell)
@@ -208,15 +247,20 @@ class _Job:
 
     def _in_the_way(self) -> Iterator[Obstacle]:
         """Yield solids without which all stand: fixtures, then tools with the part they hit."""
-
-        def freeing(things: Sequence[Obstacle]) -> list[Obstacle]:
-            return [thing for thing in things if self.stands(thing.off(self._cell))]
-
-        yield from freeing(self._fixtures)
-        tools, parts = freeing(self._of_tools), freeing(self._of_parts)
+        yield from self._freeing(self._fixtures)
+        tools, parts = self._freeing(self._of_tools), self._freeing(self._of_parts)
         yield from (met(tool, part) for tool in tools for part in parts)
         if not parts:
             yield from tools
+
+    def _freeing(self, things: Sequence[Obstacle]) -> list[Obstacle]:
+        """Return the things that free the tags alone; no group without one of them does."""
+        if not things or not self.stands(_off(things, self._cell)):
+            return []
+        if len(things) == 1:
+            return list(things)
+        half = len(things) // 2
+        return [*self._freeing(things[:half]), *self._freeing(things[half:])]
 
     def _tamed(self, thing: Obstacle) -> Iterator[tuple[Cure, float]]:
         """Yield what tames a thing, where the tags have a pose without it."""
@@ -257,19 +301,19 @@ class _Job:
             low, high = (low, middle) if self._does(cure, middle, off) else (middle, high)
         return high
 
-    @staticmethod
-    def proven(found: tuple[Cure, float], converts: Good) -> float | None:
+    def proven(self, found: tuple[Cure, float]) -> float | None:
         """Return the least amount with which the whole job is good, None without any."""
         cure, least = found
         bad = 0.0
         for factor in _MORE if cure.first else _MORE[:1]:
             value = cure.rounded(min(least * factor, cure.most))
-            if cure.can(value) and converts(cure.at(value)):
+            if cure.can(value) and self.converts(cure.at(value)):
                 while value > _MORE[2] * max(bad, least):
                     middle = cure.rounded(0.5 * (value + max(bad, least)))
                     if middle >= value:
                         break
-                    value, bad = (middle, bad) if converts(cure.at(middle)) else (value, middle)
+                    good = self.converts(cure.at(middle))
+                    value, bad = (middle, bad) if good else (value, middle)
                 return value
             bad = value
             if least * factor >= cure.most:
@@ -278,7 +322,7 @@ class _Job:
 
     # ---- several causes -------------------------------------------------------------------------
 
-    def several(self, converts: Good) -> tuple[Cause, ...]:
+    def several(self) -> tuple[Cause, ...]:
         """Return the causes that only together keep the job from being run."""
         things = [*self._rules, *self._solids]
         place, lost = self._placed(things)
@@ -291,13 +335,13 @@ class _Job:
             rest = needed[k + 1 :]
             cure = next(self._least(thing.cures(here), lambda c, r=rest: _off(r, c)), None)  # type: ignore[misc]
             if cure is None:
-                return (self._unproven(found),)
+                return (self.unproven(found),)
             alone = [other for other in needed if other is not thing]
             which.append(self._lost(_off(alone, start)))
             here = cure[0].at(cure[0].rounded(cure[1]))
             found.append(cure)
-        if not found or not converts(here):
-            return (self._unproven(found),)
+        if not found or not self.converts(here):
+            return (self.unproven(found),)
         return tuple(
             self.told((cure, least), cure.rounded(least), self._tags[tags], here)
             for (cure, least), tags in zip(found, which, strict=True)
@@ -363,10 +407,14 @@ class _Job:
         whole = "all " if count == len(self._path) else ""
         return reason, f"{whole}{count} tags are {WORDS[reason]}"
 
-    def _unproven(self, found: Sequence[tuple[Cure, float]]) -> Cause:
+    def unproven(
+        self,
+        found: Sequence[tuple[Cure, float]],
+        change: str = "no change tried (limits, solids, units, tool axis, position)",
+    ) -> Cause:
+        """Return what is known where no change is proven to cure the job."""
         reason, head = self._head(self._tags)
         blame = ", ".join(cure.blame for cure, _ in found)
-        change = "no change tried (limits, solids, units, tool axis, position)"
         text = f"{head}: {blame}{'; ' if blame else ''}{change} makes the job good"
         return Cause(len(self._tags), reason, blame, "", None, "", text, False)
 

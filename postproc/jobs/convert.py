@@ -224,12 +224,15 @@ def convert(
     return Conversion(cell, toolpath, plan, files, name, findings, times, read, trade, kept=kept)
 
 
-def explained(conversion: Conversion, request: ConvertRequest) -> Conversion:
+def explained(
+    conversion: Conversion, request: ConvertRequest, progress: Progress | None = None
+) -> Conversion:
     """Return a conversion that failed with its causes; each cure is one that was converted with.
 
     Args:
         conversion: of the request.
         request: as it was.
+        progress: called with (done, total, what).
     """
     if conversion.good or request.model:
         return conversion
@@ -251,7 +254,8 @@ def explained(conversion: Conversion, request: ConvertRequest) -> Conversion:
         except PostprocError:
             return False
 
-    found = causes(conversion.toolpath, now, conversion.plan.errors, is_good, read_with)
+    errors = conversion.plan.errors
+    found = causes(conversion.toolpath, now, errors, is_good, read_with, progress)
     return replace(conversion, causes=found)
 
 

@@ -65,14 +65,10 @@ class Planner:
         self._listener = listener
         self._process: BaseProcess | None = None
         self._pipe: Connection | None = None
-        self._deaf = False
 
     def ask(self, order: Order) -> None:
         """Let an order be worked on instead of all before."""
         self._wanted.value = order.number
-        if self._deaf:  # causes are looked for without a pause in which they could be left
-            self.close()
-        self._deaf = order.task == "why"
         if self._process is None or not self._process.is_alive() or self._pipe is None:
             self._start()
         if self._pipe is not None:
@@ -103,7 +99,6 @@ class Planner:
                     self._listener(self._wanted.value, "ended", None)
                 return
             if number == self._wanted.value:
-                self._deaf = self._deaf and what not in ("done", "failed")
                 self._listener(number, what, content)
 
 
@@ -155,8 +150,7 @@ class _Worker:
             return
         conversion, request = self._converted(order, progress)
         if order.task == "why":
-            progress(0, 0, "causes")
-            yield "why", [cause for cause in explained(conversion, request).causes]
+            yield "why", list(explained(conversion, request, progress).causes)
             return
         yield "plan", (conversion, workbench_data(conversion))
         if order.map_too:

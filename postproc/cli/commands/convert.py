@@ -74,7 +74,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
 
     request = ConvertRequest(**given(ConvertRequest, options))
     with session.progress() as progress:
-        conversion = explained(convert(request, progress), request)
+        conversion = explained(convert(request, progress), request, progress)
         maps = _spin_maps(conversion, options["spin_maps"], progress)
     folder = Path(options["output"])
     contents = dict(maps)
