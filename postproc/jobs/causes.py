@@ -19,21 +19,8 @@ import numpy as np
 from postproc.arrays import BoolArray, IndexArray
 from postproc.cell import Cell, cell_changes
 from postproc.errors import Finding, PostprocError
-from postproc.jobs.cures import (
-    Cure,
-    Obstacle,
-    axis_points_back,
-    fixtures,
-    met,
-    part_solids,
-    rules,
-    shifts,
-    tool_axes,
-    tool_solids,
-    turned_away,
-    turns,
-    units,
-)
+from postproc.jobs import cures
+from postproc.jobs.cures import Cure, Obstacle
 from postproc.jobs.unit_doubts import on_the_part
 from postproc.model import ToolPath
 from postproc.planning import Reach
@@ -160,10 +147,13 @@ class _Job:
         self._hard = self._tags[:0]
         self._reach = Reach.of(toolpath, cell)
         names = [toolpath.tag_name(int(tag)) for tag in self._tags]
-        self._rules = list(rules(cell, names))
+        self._rules = list(cures.rules(cell, names))
         self._hits = "PLN104" in failing.values()
-        kinds = [list(kind(cell)) for kind in (fixtures, tool_solids, part_solids)]
-        self._fixtures, self._of_tools, self._of_parts = kinds
+        self._fixtures = list(cures.fixtures(cell))
+        self._of_tools, self._of_parts = (
+            list(cures.tool_solids(cell)),
+            list(cures.part_solids(cell)),
+        )
         self._solids = [*self._fixtures, *self._of_parts, *self._of_tools]
 
     # ---- what is asked --------------------------------------------------------------------------
@@ -205,12 +195,10 @@ class _Job:
         for rule in self._rules:
             yield from self._tamed(rule)
         yield from self._of_place(suspect=True)
-        arm_hits = list[Obstacle]()
-        if self._hits and self.stands(_off(self._solids, self._cell)):
-            for thing in self._in_the_way():
-                yield from self._least(thing.cures(self._cell))
-            arm_hits = self._of_parts
-        moves = self._least(shifts(self._reach, self._cell))
+        hits = self._hits and self.stands(_off(self._solids, self._cell))
+        for thing in self._in_the_way() if hits else ():
+            yield from self._least(thing.cures(self._cell))
+        moves = self._least(cures.shifts(self._reach, self._cell))
         far: list[tuple[Cure, float]] = []
         for cure, least in moves:
             if least > _NEAR * cure.most:
@@ -220,7 +208,7 @@ class _Job:
         yield from self._of_place(suspect=False)
         yield from far
         yield from moves
-        for thing in arm_hits:
+        for thing in self._of_parts if hits else ():
             yield from self._tamed(thing)
 
     def _of_place(self, *, suspect: bool) -> Iterator[tuple[Cure, float]]:
@@ -229,13 +217,13 @@ class _Job:
         ``suspect``: those that look wrong by themselves, or those that do not.
         """
         if self._most is suspect:
-            yield from self._least(list(units(self._cell, self._unit())))
+            yield from self._least(list(cures.units(self._cell, self._unit())))
         if not self._most:
             return
-        if axis_points_back(self._cell) is suspect:
-            yield from self._least(list(tool_axes(self._cell)))
-        if turned_away(self._reach) is suspect:
-            yield from self._least(list(turns(self._reach, self._cell)))
+        if cures.axis_points_back(self._cell) is suspect:
+            yield from self._least(list(cures.tool_axes(self._cell)))
+        if cures.turned_away(self._reach) is suspect:
+            yield from self._least(list(cures.turns(self._reach, self._cell)))
 
     def _unit(self) -> str:
         """Return the unit of the input that may be wrong; tags that lie on the part prove it."""
@@ -249,7 +237,7 @@ class _Job:
         """Yield solids without which all stand: fixtures, then tools with the part they hit."""
         yield from self._freeing(self._fixtures)
         tools, parts = self._freeing(self._of_tools), self._freeing(self._of_parts)
-        yield from (met(tool, part) for tool in tools for part in parts)
+        yield from (cures.met(tool, part) for tool in tools for part in parts)
         if not parts:
             yield from tools
 
@@ -353,7 +341,7 @@ class _Job:
         lost = self._lost(bare)
         if not lost.any():
             return None, lost
-        every = shifts(self._reach, self._cell)
+        every = cures.shifts(self._reach, self._cell)
         return next(self._least(every, lambda cell: _off(things, cell)), None), lost
 
     def _needed(self, things: Sequence[Obstacle], cell: Cell) -> list[Obstacle]:
@@ -380,24 +368,14 @@ class _Job:
         there: Cell | None = None,
     ) -> Cause:
         """Return a cause with the cure that is proven."""
-        cure, all_of_it = found[0], tags is None
+        cure, who = found[0], "all" if tags is None else "they"
         tags = self._tags if tags is None or not len(tags) else tags
         reason, head = self._head(tags)
-        remedy = cure.words(value)
-        end = "and all can be run" if all_of_it else "and they can be run"
-        text = f"{head}: {cure.blame}; {remedy} {end}"
+        remedy, amount = cure.words(value), cure.amount(value)
+        text = f"{head}: {cure.blame}; {remedy} and {who} can be run"
         changes = cell_changes(self._cell, there or cure.at(value))
-        return Cause(
-            len(tags),
-            reason,
-            cure.blame,
-            remedy,
-            cure.amount(value),
-            cure.unit,
-            text,
-            True,
-            changes,
-        )
+        told = (len(tags), reason, cure.blame, remedy, amount, cure.unit, text)
+        return Cause(*told, proven=True, changes=changes)
 
     def _head(self, tags: IndexArray) -> tuple[str, str]:
         reason = Counter(self._codes[int(tag)] for tag in tags).most_common(1)[0][0]
@@ -415,7 +393,7 @@ class _Job:
         """Return what is known where no change is proven to cure the job."""
         reason, head = self._head(self._tags)
         blame = ", ".join(cure.blame for cure, _ in found)
-        text = f"{head}: {blame}{'; ' if blame else ''}{change} makes the job good"
+        text = f"{head}: {'; '.join(filter(None, [blame, change]))} makes the job good"
         return Cause(len(self._tags), reason, blame, "", None, "", text, False)
 
 

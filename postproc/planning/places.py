@@ -181,10 +181,7 @@ class Reach:
             free.append(good)
         done = np.concatenate(free)
         return Rank(
-            float(done.mean()),
-            min(margins),
-            float(np.mean(stiff)) if stiff else 0.0,
-            min(clear),
+            float(done.mean()), min(margins), float(np.mean(stiff)) if stiff else 0.0, min(clear)
         )
 
     def _stood(

@@ -252,10 +252,7 @@ def _margins(checker: Checker, q: FloatArray) -> tuple[float, float]:
 
 def _ruled_out(checker: Checker, found: Postures) -> TagPose:
     """Return the posture to show of poses that reach, limits or singularity rule out."""
-    for kind, slots in (
-        (SpinClass.SINGULAR, found.inside),
-        (SpinClass.JOINT_LIMIT, found.reached),
-    ):
+    for kind, slots in ((SpinClass.SINGULAR, found.inside), (SpinClass.JOINT_LIMIT, found.reached)):
         if slots.any():
             q = found.q[slots][0]
             margin, wrist = _margins(checker, q)

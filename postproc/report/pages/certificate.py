@@ -123,8 +123,5 @@ def _held(told: dict[str, Any]) -> str:
 
 
 def _signatures(stated: dict[str, str]) -> str:
-    rows = [
-        ("measured by", escape(stated.get("operator", "")), "", ""),
-        ("checked by", "", "", ""),
-    ]
+    rows = [("measured by", escape(stated.get("operator", "")), "", ""), ("checked by", "", "", "")]
     return table(("", "name", "date", "signature"), rows)

@@ -12,11 +12,7 @@ from postproc.units import DEG, PERCENT
 
 
 def diagnosis_plan_page(
-    content: dict[str, Any],
-    names: list[str],
-    q: FloatArray,
-    points: FloatArray,
-    drawing: Drawing,
+    content: dict[str, Any], names: list[str], q: FloatArray, points: FloatArray, drawing: Drawing
 ) -> bytes:
     """Return the page as bytes.
 
@@ -33,7 +29,7 @@ def diagnosis_plan_page(
     lead = [
         f"{content['readings']} readings at {content['postures']} postures tell {len(shown)} of"
         f" {len(content['effects'])} causes where they are of usual size, in {share} of all cases,"
-        f" at a noise of {content['sigma_mm']:.3f} mm per axis.",
+        f" at a noise of {content['sigma_mm']:.3f} mm per axis."
     ]
     if hidden:
         lead.append(f"Of usual size it will not tell: {_words(hidden)}.")

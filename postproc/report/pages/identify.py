@@ -103,10 +103,7 @@ def _errors(result: Identification) -> str:
     mean = [result.deflection_mean, *(score.held_out_mean for score in result.scores)]
     largest = [result.deflection_max, *(score.held_out_max for score in result.scores)]
     at = np.arange(len(names), dtype=np.float64)
-    series = [
-        Series("mean", at, np.array(mean) / MM),
-        Series("max", at, np.array(largest) / MM),
-    ]
+    series = [Series("mean", at, np.array(mean) / MM), Series("max", at, np.array(largest) / MM)]
     return bar_chart(names, series, "mm", [("noise alone", result.floor_mean / MM)])
 
 

@@ -6,15 +6,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.planning import INDICES, SpinCurves, spin_degrees
-from postproc.report.parts import (
-    Drawing,
-    Page,
-    RowsView,
-    TagColumn,
-    add_rows,
-    packed,
-    table,
-)
+from postproc.report.parts import Drawing, Page, RowsView, TagColumn, add_rows, packed, table
 from postproc.units import DEG, N_PER_MM, PERCENT
 
 _CHARTS = {

@@ -1,14 +1,7 @@
 """What pages are put together from."""
 
 from postproc.report.parts.charts import Series, bar_chart, line_chart, space_view
-from postproc.report.parts.glance import (
-    doubt,
-    how_far,
-    where_joint,
-    where_place,
-    where_time,
-    which,
-)
+from postproc.report.parts.glance import doubt, how_far, where_joint, where_place, where_time, which
 from postproc.report.parts.headline import headline
 from postproc.report.parts.page import Page, escape, finding_rows, packed, packed_text, table
 from postproc.report.parts.program_text import ProgramText

@@ -94,9 +94,7 @@ class Page:
         self.sections.append(f'<section class="{width}"><h2>{escape(heading)}</h2>{body}</section>')
 
     def findings(
-        self,
-        findings: Sequence[Finding],
-        tag_of: Callable[[Finding], int | None] | None = None,
+        self, findings: Sequence[Finding], tag_of: Callable[[Finding], int | None] | None = None
     ) -> None:
         """Add the section of findings; a click on one with a tag selects that."""
         self.data["findings"] = finding_rows(findings, tag_of)
