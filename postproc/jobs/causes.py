@@ -195,7 +195,7 @@ class _Job:
         for rule in self._rules:
             yield from self._tamed(rule)
         yield from self._of_place(suspect=True)
-        hits = self._hits and self.stands(_off(self._solids, self._cell))
+        hits = self._hits and self.stands(cures.without(self._solids, self._cell))
         for thing in self._in_the_way() if hits else ():
             yield from self._least(thing.cures(self._cell))
         moves = self._least(cures.shifts(self._reach, self._cell))
@@ -243,7 +243,7 @@ class _Job:
 
     def _freeing(self, things: Sequence[Obstacle]) -> list[Obstacle]:
         """Return the things that free the tags alone; no group without one of them does."""
-        if not things or not self.stands(_off(things, self._cell)):
+        if not things or not self.stands(cures.without(things, self._cell)):
             return []
         if len(things) == 1:
             return list(things)
@@ -256,11 +256,11 @@ class _Job:
             yield from self._least(thing.cures(self._cell))
 
     def _least(
-        self, cures: Sequence[Cure], off: Callable[[Cell], Cell] = lambda cell: cell
+        self, choices: Sequence[Cure], off: Callable[[Cell], Cell] = lambda cell: cell
     ) -> Iterator[tuple[Cure, float]]:
         """Yield cures with their least amounts: in their order, those with amounts by these."""
-        before = list(takewhile(lambda cure: not cure.first, cures))
-        graded = [cure for cure in cures if cure.first]
+        before = list(takewhile(lambda cure: not cure.first, choices))
+        graded = [cure for cure in choices if cure.first]
         for cure in before:
             if self._does(cure, cure.most, off):
                 yield cure, cure.most
@@ -276,7 +276,7 @@ class _Job:
             done = [cure for _, cure in found]
             graded = [c for c in graded if c not in done and size * c.first < c.most]
             size *= 2.0
-        for cure in cures[len(before) :]:
+        for cure in choices[len(before) :]:
             if not cure.first and self._does(cure, cure.most, off):
                 yield cure, cure.most
 
@@ -316,16 +316,18 @@ class _Job:
         place, lost = self._placed(things)
         # converted is what is told, which is rounded
         here = self._cell if place is None else place[0].at(place[0].rounded(place[1]))
-        needed = self._needed(things, here) if place or self.stands(_off(things, here)) else []
+        needed = (
+            self._needed(things, here) if place or self.stands(cures.without(things, here)) else []
+        )
         found: list[tuple[Cure, float]] = [] if place is None else [place]
         which, start = [] if place is None else [lost], here
         for k, thing in enumerate(needed):
             rest = needed[k + 1 :]
-            cure = next(self._least(thing.cures(here), lambda c, r=rest: _off(r, c)), None)  # type: ignore[misc]
+            cure = next(self._least(thing.cures(here), lambda c, r=rest: cures.without(r, c)), None)  # type: ignore[misc]
             if cure is None:
                 return (self.unproven(found),)
             alone = [other for other in needed if other is not thing]
-            which.append(self._lost(_off(alone, start)))
+            which.append(self._lost(cures.without(alone, start)))
             here = cure[0].at(cure[0].rounded(cure[1]))
             found.append(cure)
         if not found or not self.converts(here):
@@ -337,18 +339,18 @@ class _Job:
 
     def _placed(self, things: Sequence[Obstacle]) -> tuple[tuple[Cure, float] | None, BoolArray]:
         """Return what serves tags that have no pose even with everything else away, and which."""
-        bare = _off(things, self._cell)
+        bare = cures.without(things, self._cell)
         lost = self._lost(bare)
         if not lost.any():
             return None, lost
         every = cures.shifts(self._reach, self._cell)
-        return next(self._least(every, lambda cell: _off(things, cell)), None), lost
+        return next(self._least(every, lambda cell: cures.without(things, cell)), None), lost
 
     def _needed(self, things: Sequence[Obstacle], cell: Cell) -> list[Obstacle]:
         """Return a smallest set of things without which the tags have a pose, suspects first."""
 
         def split(away: list[Obstacle], fresh: bool, left: list[Obstacle]) -> list[Obstacle]:
-            if fresh and self.stands(_off(away, cell)):
+            if fresh and self.stands(cures.without(away, cell)):
                 return []
             if len(left) == 1:
                 return left
@@ -395,10 +397,3 @@ class _Job:
         blame = ", ".join(cure.blame for cure, _ in found)
         text = f"{head}: {'; '.join(filter(None, [blame, change]))} makes the job good"
         return Cause(len(self._tags), reason, blame, "", None, "", text, False)
-
-
-def _off(things: Sequence[Obstacle], cell: Cell) -> Cell:
-    """Return a cell without some things."""
-    for thing in things:
-        cell = thing.off(cell)
-    return cell

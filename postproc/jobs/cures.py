@@ -61,6 +61,13 @@ class Obstacle:
     name: str = ""
 
 
+def without(things: Sequence[Obstacle], cell: Cell) -> Cell:
+    """Return a cell without some things."""
+    for thing in things:
+        cell = thing.off(cell)
+    return cell
+
+
 def once(blame: str, there: Cell, words: str, amount: float | None = None, unit: str = "") -> Cure:
     """Return a change that is made or not."""
     return Cure(blame, 1.0, lambda _: there, lambda _: words, unit, amount=lambda _: amount)

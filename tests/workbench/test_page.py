@@ -1,5 +1,7 @@
 """A real browser clicks, drags and moves; the program is that of ``convert``."""
 
+import json
+
 import pytest
 
 from postproc.cli import app
@@ -28,6 +30,16 @@ def replanned(page, number):
     return state(page)
 
 
+def saved_and_converted(page, folder):
+    """Save the edits, run the call that the page names, and return its exit code."""
+    page.run("(document.querySelector('#saved').textContent = '', 1)")
+    page.click("#save")
+    page.wait("document.querySelector('#saved').textContent.includes('convert')")
+    call = page.run("document.querySelector('#saved').textContent").split("; ")[1].split()[1:]
+    call[call.index("-o") + 1] = str(folder)
+    return app.run([*call, "-q", "--json"])
+
+
 def test_a_drag_pins_and_the_pins_make_the_program(page, running, tmp_path):
     before = state(page)
     x, y = page.run("ppBench.place(7, 0)")
@@ -44,11 +56,7 @@ def test_a_drag_pins_and_the_pins_make_the_program(page, running, tmp_path):
     # selecting in one selects in all
     assert page.run("document.querySelector('#tags tr.selected').dataset.tag") == "7"
     assert page.run("document.querySelector('#cam .here').textContent").startswith("9  ")
-    page.click("#save")
-    page.wait("document.querySelector('#saved').textContent.includes('convert')")
-    call = page.run("document.querySelector('#saved').textContent").split("; ")[1].split()[1:]
-    call[call.index("-o") + 1] = str(tmp_path)
-    assert app.run([*call, "-q"]) == 0
+    assert saved_and_converted(page, tmp_path) == 0
     shown = page.run("[...document.querySelectorAll('#krl .here')].map((e) => e.textContent)")
     text = (tmp_path / "holes.src").read_text().splitlines()
     assert shown
@@ -59,7 +67,7 @@ def test_a_drag_pins_and_the_pins_make_the_program(page, running, tmp_path):
     assert replanned(page, after["plan"])["pins"] == {}
 
 
-def test_the_part_moves_by_numbers_and_all_tags_recolour(page, running):
+def test_the_part_moves_by_numbers_and_all_tags_recolour(page, running, tmp_path, capfd):
     x = "document.querySelector('input.place')"
     page.run(f"({x}.value = 4050, {x}.dispatchEvent(new Event('input')), 1)")
     page.wait("document.querySelector('#reach').textContent.includes('out of reach')")
@@ -74,6 +82,12 @@ def test_the_part_moves_by_numbers_and_all_tags_recolour(page, running):
     after = replanned(page, before["plan"])
     assert after["good"]
     assert after["things"][0]["xyz_mm"][0] == 2046
+    assert saved_and_converted(page, tmp_path) == 0
+    made = json.loads(capfd.readouterr().out)
+    assert made["tags"] == 12
+    shown = "ppBench.program().data.columns.find((c) => c.key === 'stiffness').values"
+    shown = page.run(f"Array.from({shown})")
+    assert sum(shown) / 12 == pytest.approx(made["stiffness"]["mean_N_per_mm"], abs=0.01)
     page.click("#undo")
     replanned(page, after["plan"])
 
