@@ -7,16 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from postproc.arrays import AnyIntArray, BoolArray, FloatArray
-from postproc.cell import Cell
 from postproc.controller import Blend, EventWord
 from postproc.errors import RunKind, Severity
-from postproc.kinematics import (
-    STRETCHED,
-    Kinematics,
-    elbow_distance,
-    shoulder_distance,
-    wrist_distance,
-)
+from postproc.kinematics import STRETCHED, elbow_distance, shoulder_distance, wrist_distance
 from postproc.paths import SLOWEST, Paths, speed_shares
 from postproc.units import DEG, MM, PERCENT
 from postproc.verification.report import Measure, Remark, Said
@@ -37,14 +30,13 @@ def check_joints(run: Run) -> Iterator[Said]:
     m = len(paths.q)
     q = np.concatenate([paths.q, paths.q_sample])
     motion = np.concatenate([np.arange(m), paths.row])
-    known = np.isfinite(q).all(axis=1)
-    if not known.any():
-        return
-    yield from _limits(run, q[known], motion[known])
     on_path = np.concatenate([_touches_path(paths), np.ones(len(paths.row), dtype=np.bool_)])
-    rows = known & on_path
-    if rows.any():
-        yield from _singularities(run, q[rows], motion[rows])
+    known = np.isfinite(q).all(axis=1)
+    q, motion, on_path = q[known], motion[known], on_path[known]
+    if len(q):
+        yield from _limits(run, q, motion)
+    if on_path.any():
+        yield from _singularities(run, q[on_path], motion[on_path])
 
 
 def check_externals(run: Run) -> Iterator[Said]:
@@ -96,49 +88,45 @@ def _touches_path(paths: Paths) -> BoolArray:
 
 
 def _limits(run: Run, q: FloatArray, motion: AnyIntArray) -> Iterator[Said]:
-    cell, kinematics = run.cell, run.kinematics
-    margin = np.minimum(q - kinematics.q_min, kinematics.q_max - q)
-    wanted = _wanted(q, motion, cell, kinematics)
-    tightest = int(margin.min(axis=1).argmin())
-    axis = int(margin[tightest].argmin())
-    yield Measure(
-        "joint_margin",
-        float(margin[tightest, axis] / DEG),
-        "deg",
-        int(motion[tightest]),
-        f"A{axis + 1}",
-    )
-    for axis in range(6):
-        bad = margin[:, axis] < wanted[:, axis] - SLACK
+    """Check axis by axis: margins of all at once are the most memory that a check takes."""
+    cell, low, high = run.cell, run.kinematics.q_min, run.kinematics.q_max
+    margins = (np.minimum(q[:, axis] - low[axis], high[axis] - q[:, axis]) for axis in range(6))
+    tightest = [(float(of_axis.min()), int(of_axis.argmin())) for of_axis in margins]
+    axis = min(range(6), key=tightest.__getitem__)
+    least, row = tightest[axis]
+    yield Measure("joint_margin", least / DEG, "deg", int(motion[row]), f"A{axis + 1}")
+    wanted = cell.limits.joint_margin
+    by_home, at_home = _ways_home(run, q, motion)
+    for axis, (least, row) in enumerate(tightest):
+        margin = np.minimum(q[:, axis] - low[axis], high[axis] - q[:, axis])
+        bad = margin < np.where(by_home, at_home[axis], wanted) - SLACK
         if not bad.any():
             continue
-        row = int(np.argmin(margin[:, axis]))
         count = len(np.unique(motion[bad]))
-        what = (
-            "beyond its limit" if margin[row, axis] < 0.0 else "closer to its limit than the margin"
-        )
+        what = "beyond its limit" if least < 0.0 else "closer to its limit than the margin"
         yield Remark(
             RunKind.JOINT_LIMIT,
             int(motion[row]),
             f"A{axis + 1} at {q[row, axis] / DEG:.3f} deg is {what} "
-            f"[{kinematics.q_min[axis] / DEG:g}, {kinematics.q_max[axis] / DEG:g}] with "
+            f"[{low[axis] / DEG:g}, {high[axis] / DEG:g}] with "
             f"{cell.limits.joint_margin / DEG:g} deg, {count} motions",
         )
 
 
-def _wanted(q: FloatArray, motion: AnyIntArray, cell: Cell, kinematics: Kinematics) -> FloatArray:
-    """Return the margin (k, 6) [rad] that configurations have to keep from the limits.
+def _ways_home(run: Run, q: FloatArray, motion: AnyIntArray) -> tuple[BoolArray, FloatArray]:
+    """Return which configurations (k,) are on ways to and from home, and their margin (6,) [rad].
 
-    That of the cell, but the ways to and from home may come as near as home itself.
+    These may come as near to the limits as home itself.
     """
-    wanted = np.full(q.shape, cell.limits.joint_margin)
-    home = cell.motion.home
+    wanted, home = np.full(6, run.cell.limits.joint_margin), run.cell.motion.home
     if home is None:
-        return wanted
-    at_home = motion[(np.abs(q - home) < SLACK).all(axis=1)]
-    own = np.clip(np.minimum(home - kinematics.q_min, kinematics.q_max - home), 0.0, wanted[0])
-    wanted[np.isin(motion, np.concatenate([at_home, at_home + 1]))] = own
-    return wanted
+        return np.zeros(len(q), dtype=np.bool_), wanted
+    stands = np.ones(len(q), dtype=np.bool_)
+    for axis, angle in enumerate(home):
+        stands &= np.abs(q[:, axis] - angle) < SLACK
+    at_home = motion[stands]
+    own = np.minimum(home - run.kinematics.q_min, run.kinematics.q_max - home)
+    return np.isin(motion, np.concatenate([at_home, at_home + 1])), np.clip(own, 0.0, wanted)
 
 
 def _singularities(run: Run, q: FloatArray, motion: AnyIntArray) -> Iterator[Said]:
