@@ -28,7 +28,11 @@ from postproc.trace import PATH_EFFECTS, PLANNER, REST, known_effects
 from postproc.units import DEG, UM
 
 SETTLED = 5.0 * UM
-"""A tool that is off the path by no more [m], root mean square, needs no shift."""
+"""A tool that is off the path by no more [m], root mean square, needs no shift; no promise is finer
+than that: the corners of blends are not in it."""
+LEAST_DOUBT = 0.1
+"""No effect is known better than by this share of it: ramps and the form of a corner, which say how
+much of it shows, are the controller's own."""
 BLOCK = 0.024
 """A controller keeps the speed over motions that last so long [s]: two of its cycles of 12 ms."""
 STEEPEST = 1.0
@@ -89,7 +93,7 @@ class Follower:
         missed = drive.missed(place, point)
         check_size(missed, file)
         size = _rms(np.linalg.norm(missed, axis=1))
-        doubt = min(1.0, rest[0] / max(size, SETTLED))
+        doubt = np.clip(rest[0] / max(size, SETTLED), LEAST_DOUBT, 1.0).item()
         plan = replace(plan, shift_along=np.zeros((len(plan), 3)))
         plain = _Level.of(drive, place, point, plan, doubt)
         levels = [plain]
@@ -115,7 +119,7 @@ class Follower:
         slowed = (int(np.sum(kept < 1.0)), float(kept.min(initial=1.0)))
         # what the diagnosis left was left at the whole feed: of a lower one nobody knows how much
         low = float(np.hypot(min(best.rms), 0.0 if slowed[0] else rest[1]))
-        high = float(np.hypot(max(best.rms), rest[2]))
+        high = float(np.linalg.norm([max(best.rms), rest[2], SETTLED]))
         told = AlongPath(tuple(sorted(self.effects)), *off_path, rest[0], low, high, *slowed)
         return replace(best.plan, along_path=told)
 
@@ -166,8 +170,7 @@ class _Level:
     """How far [m] off its path the tool is in a run of a plan.
 
     rms, most: root mean square and largest as the effects are known, then where they are smaller
-    and larger; fourth: the largest root mean fourth power, squared; off: the
-    largest at each place.
+    and larger; fourth: the largest root mean fourth power, squared; off: at each place, as known.
     """
 
     rms: tuple[float, ...]
@@ -180,13 +183,13 @@ class _Level:
     def of(
         cls, drive: Drive, place: FloatArray, point: FloatArray, plan: Plan, doubt: float
     ) -> _Level:
-        sizes = (1.0 - doubt, 1.0 + doubt) if doubt else ()
+        sizes = (1.0 - doubt, 1.0 + doubt)
         runs = [drive, *(replace(drive, real=drive.under(size)) for size in sizes)]
         offs = [np.linalg.norm(run.missed(place, point), axis=1) for run in runs]
         most = tuple(float(off.max(initial=0.0)) for off in offs)
         # fourth powers: a few places far off are worse than many a little
         fourth = max(_rms(off**2) for off in offs)
-        return cls(tuple(map(_rms, offs)), most, fourth, np.max(offs, axis=0), plan)
+        return cls(tuple(map(_rms, offs)), most, fourth, offs[0], plan)
 
     def is_no_worse(self, other: _Level, rest: float) -> bool:
         """Return whether it is no worse, nor by more than ``rest`` if the effects are others."""
