@@ -84,8 +84,8 @@ OFF: dict[str, tuple[Switch, ...]] = {
         ("postproc.planning.external.planner", "carried_where_better", lambda p, runs, m: runs),
     ),
     "without roll": (("postproc.planning.attempt", "without_roll", _nothing),),
+    "spins of strokes": ((SEARCH + "roll", "_price", lambda *a: np.zeros(len(a[4]))),),
     "also failing": ((SEARCH + "pose_search", "also_failing", _nothing),),
-    "alike": ((SEARCH + "failing", "_alike", lambda s, rung, a, b: np.zeros((0, 2), int)),),
     "infeasible": (
         (SEARCH + "between", "infeasible", lambda problem, way: np.zeros(len(problem), int)),
     ),
@@ -223,6 +223,30 @@ def _pocket(deep: float, points: int) -> Callable[[Path], Made]:
     return _text(cell, "pocket.apt", head + "\n".join(lines) + "\nFINI\n")
 
 
+def _strokes(holes: int, deep: float) -> Callable[[Path], Made]:
+    """Return holes drilled by motions of their own, in along a leaning axis and out again."""
+    rng, lines = np.random.default_rng(3), ["UNITS/MM", "MULTAX/ON"]
+    for _ in range(holes):
+        x, y = rng.uniform(-400.0, 400.0, 2)
+        axis = np.append(rng.normal(0.0, 0.25, 2), 1.0)
+        axis /= np.linalg.norm(axis)
+        foot, top = (
+            "GOTO/" + ",".join(f"{v:.5f}" for v in (*([x, y, 0.0] + axis * high), *axis))
+            for high in (0.0, deep)
+        )
+        lines += ["RAPID", top, "FEDRAT/600,MMPM", foot, "RAPID", top]
+    home = "[motion]\nhome_deg = [0, -90, 90, 0, 45, 0]\n"
+    cell = cell_text(STIFFNESS, home, tool=SOLIDS, origin=(1900, 0, 700))
+    return _text(cell, "strokes.apt", "\n".join([*lines, "FINI", ""]))
+
+
+def _tilted(points: int) -> Callable[[Path], Made]:
+    """Return a contour along which the tool may tilt, as of ``tools.bench contours``."""
+    wishes = "[optimize]\nlead_deg = [-10, 30]\nside_tilt_deg = [-10, 10]\n"
+    cell = cell_text(STIFFNESS, wishes, origin=(1900, 0, 700))
+    return lambda _: (contour("s", points, 8.0), parse_cell(cell.encode(), "cell.toml"))
+
+
 GOLDEN = [
     case.parent.name
     for case in sorted(FIXTURES.glob("*/commands.txt"))
@@ -238,6 +262,8 @@ HARD: dict[str, Callable[[Path], Made]] = {
     "pocket": _pocket(60.0, 24),
     "deep pocket": _pocket(140.0, 16),
     "turned over": _turned_over,
+    "strokes": _strokes(12, 120.0),
+    "tilts along a contour": _tilted(40),
     "s with a clamp": _contour("s", 200, 2.0, fixture=True),
     "long steps": _contour("convex", 8, 150.0, fixture=True, origin=(2150, 550, 750)),
     "beside a clamp": _contour("convex", 1000, 1.0, fixture=True),
