@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import ROUNDING, BoolArray, FloatArray, IndexArray, numbered, taken
+from postproc.arrays import ROUNDING, BoolArray, FloatArray, IndexArray, Table, numbered, taken
 from postproc.geometry import angle_between
 from postproc.planning.checks import LARGEST_TURN, Lines, Reason, poses_between
 from postproc.planning.search.keytags import arc_length
@@ -64,7 +64,7 @@ def carried_twist(placement: Placement) -> FloatArray:
 
 
 @dataclass(frozen=True, slots=True)
-class Rows:
+class Rows(Table):
     """Tags of spans between key tags, one a row: the span (k,), the tag (k,), share (k,) 0..1.
 
     The last row of every span is its end; its start has no row.

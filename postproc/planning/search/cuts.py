@@ -8,6 +8,9 @@ then collisions, the whole span as one sweep.
 
 from __future__ import annotations
 
+import itertools
+from dataclasses import replace
+
 import numpy as np
 
 from postproc.arrays import ROUNDING, TINY, BoolArray, FloatArray, IndexArray, Table, taken
@@ -69,28 +72,15 @@ def judge(checker: Checker, between: Interpolation, spans: Spans) -> Judged:
     """Return what stands against spans (m,), all along."""
     count = np.cumsum(spans.last - spans.first)
     edges = np.unique(np.searchsorted(count, np.arange(0, count[-1:].sum(), _ROWS), side="left"))
-    bounds = np.append(edges, len(spans))
+    bounds = np.unique([0, *edges, len(spans)]).tolist()
     parts = [
         (low, _judge(checker, between, spans.rows(np.arange(low, high))))
-        for low, high in zip(bounds[:-1].tolist(), bounds[1:].tolist(), strict=True)
-        if high > low
+        for low, high in itertools.pairwise(bounds if len(spans) else [0, 0])
     ]
-    if not parts:
-        nothing = np.zeros(0, dtype=np.int64)
-        rows = Rows(nothing, nothing, np.zeros(0))
-        return Judged(rows, np.zeros((0, 3)), np.zeros((0, 6)), nothing, nothing)
-    rows = Rows(
-        np.concatenate([low + part.rows.span for low, part in parts]),
-        np.concatenate([part.rows.tag for _, part in parts]),
-        np.concatenate([part.rows.share for _, part in parts]),
-    )
-    return Judged(
-        rows,
-        np.concatenate([part.attitude for _, part in parts]),
-        np.concatenate([part.q for _, part in parts]),
-        np.concatenate([part.reason for _, part in parts]),
-        np.concatenate([part.pair for _, part in parts]),
-    )
+    rows = Rows.concat([replace(part.rows, span=low + part.rows.span) for low, part in parts])
+    columns = ("attitude", "q", "reason", "pair")
+    joined = (np.concatenate([getattr(part, name) for _, part in parts]) for name in columns)
+    return Judged(rows, *joined)
 
 
 def _judge(checker: Checker, between: Interpolation, spans: Spans) -> Judged:

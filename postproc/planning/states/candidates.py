@@ -11,7 +11,16 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from postproc.arrays import AT_ONCE, ROUNDING, BoolArray, FloatArray, IndexArray, numbered, taken
+from postproc.arrays import (
+    AT_ONCE,
+    ROUNDING,
+    BoolArray,
+    FloatArray,
+    IndexArray,
+    Table,
+    numbered,
+    taken,
+)
 from postproc.planning.states.postures import StrokeEnds
 from postproc.planning.states.pricing import Orientation, as_given, costs_of
 from postproc.planning.states.problem import Problem
@@ -104,33 +113,30 @@ def sample(
             None if branch is None else branch[low : low + size],
             None if near is None else near[low : low + size],
         )
-        for low in range(0, len(tags), size)
+        for low in range(0, max(len(tags), 1), size)
     ]
-    counts = np.concatenate([part.counts for part in parts]) if parts else np.zeros(0, np.int64)
-    offsets = np.concatenate([[0], np.cumsum(counts)])
-    configs = np.cumsum([0, *(part.configs for part in parts)], dtype=np.int32)
+    whole = _Part.concat(parts)
+    configs = (np.cumsum(whole.configs) - whole.configs).astype(np.int32)
     return States(
-        offsets=offsets,
-        q=_joined([part.q for part in parts], np.zeros((0, 6), np.float32)),
-        column=_joined([part.column for part in parts], np.zeros(0, np.int16)),
-        branch=_joined([part.branch for part in parts], np.zeros(0, np.int8)),
-        config=_joined(
-            [part.config + first for part, first in zip(parts, configs, strict=False)],
-            np.zeros(0, np.int32),
-        ),
-        cost=_joined([part.cost for part in parts], np.zeros(0)),
-        index=_joined([part.index for part in parts], np.zeros(0, np.float32)),
+        offsets=np.concatenate([[0], np.cumsum(whole.counts)]),
+        q=whole.q,
+        column=whole.column,
+        branch=whole.branch,
+        config=whole.config + np.repeat(configs, [len(part.q) for part in parts]),
+        cost=whole.cost,
+        index=whole.index,
         spins=spins,
         tilts=tilts,
-        refused=_joined([part.refused for part in parts], np.zeros((0, 3), np.int64)),
-        tried=_joined([part.tried for part in parts], np.zeros(0, np.int64)),
+        refused=whole.refused,
+        tried=whole.tried,
     )
 
 
 @dataclass(slots=True)
-class _Part:
+class _Part(Table):
+    """States of some tags: ``counts``, ``refused``, ``tried`` of each, the others of each state."""
+
     counts: IndexArray
-    configs: int
     q: NDArray[np.float32]
     column: NDArray[np.int16]
     branch: NDArray[np.int8]
@@ -139,6 +145,7 @@ class _Part:
     index: NDArray[np.float32]
     refused: IndexArray
     tried: IndexArray
+    configs: IndexArray
 
 
 def _chunk(
@@ -191,7 +198,6 @@ def _chunk(
     _subtract_best(cost, owner)
     return _Part(
         counts=n_of(owner, n),
-        configs=len(pose),
         q=q.astype(np.float32),
         column=column[pose[source]].astype(np.int16),
         branch=slot[source].astype(np.int8),
@@ -200,6 +206,7 @@ def _chunk(
         index=index.astype(np.float32),
         refused=refused,
         tried=tried,
+        configs=np.array([len(pose)]),
     )
 
 
@@ -227,10 +234,6 @@ def _subtract_best(cost: FloatArray, row: IndexArray) -> None:
     starts = np.nonzero(np.diff(row, prepend=-1))[0]
     best = np.minimum.reduceat(cost, starts)
     cost -= np.repeat(best, np.diff(np.append(starts, len(row))))
-
-
-def _joined(parts: list[NDArray], empty: NDArray) -> NDArray:  # type: ignore[type-arg]
-    return np.concatenate(parts) if parts else empty
 
 
 def turn_range(
