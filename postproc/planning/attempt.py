@@ -76,7 +76,7 @@ class Made(NamedTuple):
 class Attempt:
     """The stages of a plan, each worked out when it is asked for: found, chosen, choice, routed.
 
-    A repair changes the search and calls ``renew``: then they are worked out again.
+    A repair asks to ``use`` another search: then they are worked out again.
 
     Args:
         checker: of the toolpath.
@@ -94,6 +94,7 @@ class Attempt:
         self.clock.begin("search")
         if checker is not None:
             self._search_by(checker)
+        self._forget()
         self.refinement = Refinement(self.between)
         self.bound = None if self._best is None else LossBound(self._best, self._most)
 
@@ -117,14 +118,16 @@ class Attempt:
         each = not problem.cell.optimize.refine
         return SearchOptions(each=each, cut_travel=TIE_TRAVEL, least=least, stretch=number)
 
-    def renew(self) -> None:
-        """Forget what was worked out: the search has changed.
-
-        A long one that was done lap by lap is done anew as a whole.
-        """
-        if self.search.options.window is not None:
+    def use(self, search: PoseSearch) -> None:
+        """Search by another one; that of a job done lap by lap is done anew as a whole."""
+        if search.options.window is not None:
             options = self._search_options()
-            self.search = PoseSearch.of(self.checker, self.search.tags, options, self.between)
+            search = PoseSearch.of(self.checker, search.tags, options, self.between)
+        self.search = search
+        self._forget()
+
+    def _forget(self) -> None:
+        """Forget what was worked out."""
         for stage in ("found", "chosen", "choice", "routed"):
             self.__dict__.pop(stage, None)
 
@@ -185,7 +188,6 @@ class Attempt:
         self.clock.begin("route")
         return route(self.checker, chosen, goes_on=self.goes_on, runs=runs)
 
-    @property
-    def made(self) -> Made:
-        """All of it."""
+    def make(self) -> Made:
+        """Return all of it."""
         return Made(self.checker, self.choice, self.routed)

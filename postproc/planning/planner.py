@@ -15,7 +15,7 @@ from postproc.planning.job import Job, problem_of
 from postproc.planning.repairs import Level
 from postproc.planning.retracts import with_repeats
 from postproc.planning.search import ordered, ordered_by_place
-from postproc.planning.solve import Planned, repaired, with_tried
+from postproc.planning.solve import WholePlans, repaired, with_tried
 from postproc.planning.states import PlanOptions, Settings, settle
 from postproc.planning.stretches import plan_stretches
 from postproc.process import (
@@ -69,7 +69,7 @@ def plan(
     return with_tried(*repaired(_Ways(toolpath, cell, options, progress), Level.WAYS))
 
 
-class _Ways(Planned):
+class _Ways(WholePlans):
     """The presets and orders of which the quickest plan counts, those asked for first.
 
     Neither an order that is looked for nor short ways for their own sake are always quicker.

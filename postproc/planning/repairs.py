@@ -67,6 +67,7 @@ def _turn_faster(attempt: Attempt) -> bool:
         return False
     search.fast_turns[rungs], joins.turn[rungs] = True, np.pi
     search.ladder.renew(np.flatnonzero(rungs))
+    attempt.use(search)
     return True
 
 
@@ -76,7 +77,7 @@ def _look_closer(attempt: Attempt) -> bool:
     if not len(tags):
         return False
     attempt.clock.step(min(len(search.tags), n - 1), n, "search")
-    attempt.search = grown(search, tags, stride)
+    attempt.use(grown(search, tags, stride))
     return True
 
 
@@ -84,7 +85,7 @@ def _roll_less(attempt: Attempt) -> bool:
     main = main_spins(attempt.search, attempt.found)
     if main is None:
         return False
-    attempt.search = with_options(attempt.search, replace(attempt.search.options, main=main))
+    attempt.use(with_options(attempt.search, replace(attempt.search.options, main=main)))
     return True
 
 
@@ -94,8 +95,7 @@ def _keep_posture(attempt: Attempt) -> bool:
         changes = changes_of(bits, chosen)
         steady = search.options.steady
         if not steady & bits and not has_ways(search.checker, chosen, changes):
-            options = replace(search.options, steady=steady | bits)
-            attempt.search = with_options(search, options)
+            attempt.use(with_options(search, replace(search.options, steady=steady | bits)))
             return True
     return False
 
@@ -108,7 +108,7 @@ def _lose_less(attempt: Attempt) -> bool:
     more = bound.more_keys(is_key, loss_of(problem, attempt.chosen, bound.best))
     if not len(more):
         return False
-    attempt.search = grown(search, more, np.full(len(more), problem.fine))
+    attempt.use(grown(search, more, np.full(len(more), problem.fine)))
     return True
 
 
@@ -137,7 +137,7 @@ def _avoid_gap(attempt: Attempt) -> bool:
     parted = with_gaps(options.parted, gaps)
     if len(parted) == len(options.parted):
         return False
-    attempt.search = with_options(attempt.search, replace(options, parted=parted))
+    attempt.use(with_options(attempt.search, replace(options, parted=parted)))
     attempt.begin()
     return True
 

@@ -8,7 +8,9 @@ are tried.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -19,7 +21,7 @@ from postproc.model import CUTS, MotionKind, Plan, ToolPath
 from postproc.planning.external import plan_with_external_axes
 from postproc.planning.job import Job
 from postproc.planning.repairs import Level
-from postproc.planning.solve import Planned, repaired, with_tried
+from postproc.planning.solve import WholePlans, repaired, with_tried
 from postproc.planning.states import REENTRY
 from postproc.units import DEG
 
@@ -32,33 +34,29 @@ def with_retracts(job: Job, toolpath: ToolPath, cell: Cell) -> Plan:
     return with_tried(*repaired(_Cuts(job, toolpath, cell), Level.CUTS))
 
 
-def _served(job: Job, toolpath: ToolPath, cell: Cell) -> Plan:
-    """Return the plan of a toolpath whose cuts are left nowhere."""
-    plan_of = plan_with_external_axes if cell.external_axes else Job.planned
-    return plan_of(job, toolpath, cell)
-
-
-class _Cuts(Planned):
+class _Cuts(WholePlans):
     """The cuts of a toolpath, and at which tags they are left: last tag of each, and the place."""
 
     def __init__(self, job: Job, toolpath: ToolPath, cell: Cell) -> None:
-        self._job, self._path, self._cell = job, toolpath, cell
+        self._path, self._cell = toolpath, cell
+        plan_of = plan_with_external_axes if cell.external_axes else Job.planned
+        self._serve = partial(plan_of, job, cell=cell)
         self._places: dict[int, int] = {}
         self._stuck = self._broken = np.zeros(0, dtype=np.int64)
 
     def make(self) -> Plan:
         """Return the plan; note the places that the tool cannot leave, and where cuts break."""
         if not self._places:
-            made = _served(self._job, self._path, self._cell)
+            made = self._serve(toolpath=self._path)
             self._broken = made.failing_tags
             return made
         at = np.unique(np.array(list(self._places.values()), dtype=np.int64))
-        made, self._stuck, self._broken = _left_at(self._job, self._path, self._cell, at)
+        made, self._stuck, self._broken = _left_at(self._serve, self._path, at)
         return made
 
     def change(self) -> bool:
         """Take other places at which cuts are left; return whether that may help."""
-        if not self._cell.motion.retract_in_cuts or not self.made.errors:
+        if not self._cell.motion.retract_in_cuts or not len(self._broken) + len(self._stuck):
             return False
         broken, places = self._broken, self._places
         kind = np.asarray(self._path.kind)
@@ -75,7 +73,7 @@ class _Cuts(Planned):
 
 
 def _left_at(
-    job: Job, toolpath: ToolPath, cell: Cell, places: IndexArray
+    serve: Callable[..., Plan], toolpath: ToolPath, places: IndexArray
 ) -> tuple[Plan, IndexArray, IndexArray]:
     """Return the plan in which the cuts into tags ``places`` (k,) are left and entered again.
 
@@ -95,7 +93,7 @@ def _left_at(
         joints = np.where(anew[:, None], np.nan, joints)
     extra = {**longer.extra, REENTRY: anew}
     longer = replace(longer, kind=kind, feed=feed, joints=joints, extra=extra)
-    found = _served(job, longer, cell)
+    found = serve(toolpath=longer)
     tag = source + anew
     result, errors = as_of(found, toolpath, tag, row), found.failing_tags
     ran = [at for at in places.tolist() if np.isin(row[at] - [1, 2], found.tag).all()]

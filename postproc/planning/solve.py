@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from functools import cached_property
 from typing import Protocol, TypeVar, cast
 
 import numpy as np
@@ -41,23 +40,17 @@ _PARTED = (
 Rank = tuple[int, int, float]
 """What plans are compared by, the least is best: findings that refuse it, bounds of loss that it
 breaks, time [s]."""
-M_co = TypeVar("M_co", covariant=True)
 M = TypeVar("M")
 
 
-class State(Protocol[M_co]):
+class State(Protocol[M]):
     """What repairs of a level change."""
 
-    @property
-    def made(self) -> M_co:
-        """What comes of it as it is."""
+    def make(self) -> M:
+        """Return what comes of it as it is."""
 
-    @property
-    def rank(self) -> Rank:
-        """The rank of that."""
-
-    def renew(self) -> None:
-        """Forget what was made: it was changed."""
+    def rank_of(self, made: M) -> Rank:
+        """Return the rank of what was made last."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,42 +74,31 @@ def repaired(state: State[M], level: Level) -> tuple[M, Counter[str]]:
     best: tuple[Rank, M] | None = None
     in_vain, tried, plans = Counter[str](), Counter[str](), 0
     while True:
-        repair = next((r for r in rows if not r.price and r.serve(state)), None)
-        if repair is None:
+        for repair in rows:
+            if not repair.price and repair.serve(state):
+                break
+        else:
             plans += 1
-            made = state.rank, state.made
-            if best is None or made[0][0] < best[0][0]:
+            made = state.make()
+            now = state.rank_of(made), made
+            if best is None or now[0][0] < best[0][0]:
                 in_vain.clear()
-            best = made if best is None or made[0] < best[0] else best
+            best = now if best is None or now[0] < best[0] else best
             left = rows if plans < MOST_PLANS else ()
-            repair = next((r for r in left if in_vain[r.name] < r.price and r.serve(state)), None)
-            if repair is None:
+            found = next((r for r in left if in_vain[r.name] < r.price and r.serve(state)), None)
+            if found is None:
                 return best[1], tried
+            repair = found
             in_vain[repair.name] += 1
         tried[repair.name] += 1
-        state.renew()
 
 
-class Planned:
+class WholePlans:
     """A level that makes whole plans."""
 
-    def make(self) -> Plan:
-        """Return the plan as things are."""
-        raise NotImplementedError
-
-    @cached_property
-    def made(self) -> Plan:
-        """The plan."""
-        return self.make()
-
-    @property
-    def rank(self) -> Rank:
-        """Its rank."""
-        return rank(self.made.findings, self.made.cycle_time)
-
-    def renew(self) -> None:
-        """Forget the plan."""
-        self.__dict__.pop("made", None)
+    def rank_of(self, made: Plan) -> Rank:
+        """Return the rank of a plan."""
+        return rank(made.findings, made.cycle_time)
 
 
 def tried_for(plan: Plan) -> Counter[str]:
@@ -157,11 +139,10 @@ def solve(checker: Checker, clock: Clock, *, partial: bool, goes_on: bool) -> So
 
 
 class _Search(Attempt):
-    @property
-    def rank(self) -> Rank:
-        routed = self.routed
-        found = (*self.choice.findings, *routed.findings)
-        return rank(found, float(routed.timed.duration.sum()))
+    def rank_of(self, made: Made) -> Rank:
+        """Return the rank of an attempt."""
+        found = (*made.choice.findings, *made.routed.findings)
+        return rank(found, float(made.routed.timed.duration.sum()))
 
 
 def _add_hints(routed: Route, times: int) -> None:

@@ -12,7 +12,7 @@ Their plans are joined as one, with the moves of the external axes between them.
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -72,6 +72,7 @@ class _Stands:
         checker_at = partial(job.checker, toolpath, cell)
         self.places = Positions(rated(toolpath, cell, job.settings, checker_at))
         self._done: dict[tuple[int, int, bytes], Plan] = {}
+        self._runs: list[Run] = []
 
     def planned(self, run: Run) -> Plan:
         """Return the plan of a run, a job of its own."""
@@ -83,25 +84,20 @@ class _Stands:
             self._done[key] = self._job.planned(part, here, external, goes_on=goes_on)
         return self._done[key]
 
-    def renew(self) -> None:
-        """Forget the runs."""
-        self.__dict__.pop("made", None)
+    def make(self) -> _Made:
+        """Return the runs at least total cost."""
+        self._runs = self.places.runs()
+        return _Made(self._runs, dict(self.places.calm), dict(self.places.carried))
 
-    @cached_property
-    def made(self) -> _Made:
-        """The runs at least total cost."""
-        return _Made(self.places.runs(), dict(self.places.calm), dict(self.places.carried))
-
-    @property
-    def rank(self) -> Rank:
-        """The rank of their plans together."""
-        plans = [self.planned(run) for run in self.made.runs]
+    def rank_of(self, made: _Made) -> Rank:
+        """Return the rank of their plans together."""
+        plans = [self.planned(run) for run in made.runs]
         found = (finding for one in plans for finding in one.findings)
         return rank(found, sum(one.cycle_time for one in plans))
 
     def change(self) -> bool:
         """Close places to what failed there; return whether there is another way."""
-        return any([self.places.blame(run, self.planned(run)) for run in self.made.runs])
+        return any([self.places.blame(run, self.planned(run)) for run in self._runs])
 
 
 def _findings_of(
