@@ -12,11 +12,11 @@ from postproc.geometry import twist_about
 from postproc.model import MotionKind
 from postproc.planning.job import checker_of
 from postproc.planning.planner import plan
+from postproc.planning.search.constants import ROLL_PRICE, STEADY_BAND
 from postproc.planning.search.keytags import dense_key_tags
 from postproc.planning.search.pose_search import PoseSearch, with_options
-from postproc.planning.search.prices import ROLL_PRICE
 from postproc.planning.search.roll import main_spins
-from postproc.planning.search.rungs import STEADY_BAND, SearchOptions, shares
+from postproc.planning.search.rungs import SearchOptions, shares
 from postproc.planning.states import PlanOptions, settle
 from postproc.units import DEG, MM
 from tools.bench.contours import contour, random_case

@@ -1,6 +1,7 @@
 """The best sequence of states."""
 
 from postproc.planning.search.between import Interpolation
+from postproc.planning.search.constants import DEFAULT_BOUND, TIE_TRAVEL
 from postproc.planning.search.edges import best_of
 from postproc.planning.search.keytags import (
     arc_length,
@@ -10,16 +11,8 @@ from postproc.planning.search.keytags import (
     stretches,
 )
 from postproc.planning.search.laps import searched
-from postproc.planning.search.loss import (
-    DEFAULT_BOUND,
-    LossBound,
-    along,
-    best_index,
-    loss_of,
-    loss_report,
-)
+from postproc.planning.search.loss import LossBound, along, best_index, loss_of, loss_report
 from postproc.planning.search.pose_search import PoseSearch, grown, travel, with_options
-from postproc.planning.search.prices import TIE_TRAVEL
 from postproc.planning.search.refinement import Refinement
 from postproc.planning.search.roll import main_spins, without_roll
 from postproc.planning.search.round_spins import between_round, on_round_spins

@@ -16,17 +16,12 @@ from numpy.typing import NDArray
 
 from postproc.arrays import AT_ONCE, ROUNDING, BoolArray, FloatArray, IndexArray
 from postproc.kinematics import STRETCHED, elbow_distance
+from postproc.planning.search.constants import EDGE_GAIN, EDGE_RISE, HALVINGS
 from postproc.planning.states import BRANCHES, Problem, States, StrokeEnds, evaluate
 from postproc.records import dataclass
 from postproc.units import TURN
 
 AnyArray = NDArray[Any]
-_HALVINGS = 6
-"""A step of the grid is halved so often."""
-_GAIN = 1.005
-"""Edges are looked at where this times the best of the grid may stand there."""
-_STEEPER = 1.5
-"""From the last spin to the edge stiffness rises by no more than this times the step before."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +111,7 @@ def _last_before_edges(
         with np.errstate(invalid="ignore"):
             rise = np.where(np.isfinite(behind), np.maximum(index - behind, 0.0), 0.0)
             edge = np.isfinite(index) & ~np.isfinite(ahead) & (count > 1)
-            edge &= index + _STEEPER * rise > _GAIN * best
+            edge &= index + EDGE_RISE * rise > EDGE_GAIN * best
         if not is_ring:
             edge[:, :, -1 if sense > 0 else 0] = False
         tag, branch, column = np.nonzero(edge)
@@ -139,7 +134,7 @@ def _halve(
     step = columns * _finest(states, row)
     q, reach = states.q[state].astype(np.float64), np.zeros(len(row))
     share = 1.0
-    for _ in range(_HALVINGS):
+    for _ in range(HALVINGS):
         share *= 0.5
         spin = good_spin + (reach + share) * step
         attitude = np.column_stack([spin, np.zeros((len(spin), 2))])

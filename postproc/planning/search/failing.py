@@ -25,6 +25,19 @@ from postproc.arrays import TINY, BoolArray, FloatArray, IndexArray, numbered
 from postproc.ladder import Failing, Steps
 from postproc.planning.checks import Break, Reason
 from postproc.planning.search.between import Interpolation
+from postproc.planning.search.constants import (
+    ALL_INSIDE,
+    ALONG,
+    CARRIED_ON,
+    LEAST_LOOKED_AT,
+    MOST_LOOKED_AT,
+    MOSTLY,
+    OFTEN,
+    SHORT,
+    SWEPT,
+    TAKEN_OUT,
+    TAKEN_WITHIN,
+)
 from postproc.planning.search.cuts import Judged, Spans, judge
 from postproc.planning.states import BRANCHES, States, beside_in_grid
 from postproc.records import dataclass
@@ -34,28 +47,8 @@ if TYPE_CHECKING:
     from postproc.planning.search.pose_search import PoseSearch
 
 
-_OFTEN, _MANY = 4, 5000
-"""Every so often the cheapest steps between two tags are checked, so many of them at most ..."""
-_SWEPT, _LEAST = 5.0, 32
-"""... and no longer than this together [m] all along, but never fewer; so few at first ..."""
-_MOSTLY = 0.5
-"""... and twice as many again while more than this share of them fails."""
-
-_ALL = 8
-"""All tags inside a cut of no more become key tags."""
-SHORT = 0.05
-"""A longer cut [m] is not taken out: its key tags are to stay as they are."""
-_TRIES, _NEAR = 8, 0.06
-"""Where so many cuts were taken out within so much way [m], key tags are added."""
-
-_MOST = 1000
-"""So many poses at most are carried on."""
-
 SEEN = 2
 """The bit of ``PoseSearch.asked`` for poses of which it is known whether they collide."""
-_ALONG = 4
-"""So many tags along from a colliding pose are checked, and one spin to each side of it: a round of
-the search costs more than the poses that a narrow rim finds later, a wide rim of free ones too."""
 _FLIP = 4
 """The bit of a branch that turns the wrist over: the arm before it and the tool stand alike."""
 
@@ -83,9 +76,9 @@ class FailingCuts:
         places = np.array(self.places)
         for i in np.flatnonzero(result & (spans.last - spans.first > 1)).tolist():
             first, last = int(spans.first[i]), int(spans.last[i])
-            near = np.abs(places - way[last]) < _NEAR
+            near = np.abs(places - way[last]) < TAKEN_WITHIN
             is_short = way[last] - way[first] <= self.longest and self.between.is_cut[last]
-            if is_short and near.sum() < _TRIES:
+            if is_short and near.sum() < TAKEN_OUT:
                 self.places.append(float(way[last]))
             else:
                 rows = bad[slice(*np.searchsorted(judged.rows.span[bad], [i, i + 1]))]
@@ -121,15 +114,15 @@ def also_failing(search: PoseSearch, steps: Steps, failing_of: Failing) -> Steps
         times, looked_at = search.failing.times[tag], search.failing.looked_at.get(tag, ())
         if times == 1:
             pairs = _beside(search, rung, a, b)
-        elif times == 2 or times % _OFTEN == 0:
-            pairs = search.ladder.cheapest(rung, _MANY + len(looked_at))
+        elif times == 2 or times % OFTEN == 0:
+            pairs = search.ladder.cheapest(rung, MOST_LOOKED_AT + len(looked_at))
         else:
             continue
         pairs = pairs[~np.isin(_codes(search, pairs), looked_at)]
         length = float(np.diff(search.between.way[[tag - 1, tag]])[0])
-        count = int(min(_MANY, max(_LEAST, _SWEPT / max(length, TINY))))
-        suspects.append(_Suspects(tag, pairs[:_MANY], count))
-    size = _LEAST
+        count = int(min(MOST_LOOKED_AT, max(LEAST_LOOKED_AT, SWEPT / max(length, TINY))))
+        suspects.append(_Suspects(tag, pairs[:MOST_LOOKED_AT], count))
+    size = LEAST_LOOKED_AT
     while suspects := [one for one in suspects if len(one.pairs) and one.left]:
         known += _look(search, suspects, size, failing_of)
         size *= 2
@@ -157,7 +150,7 @@ def _look(search: PoseSearch, suspects: list[_Suspects], size: int, failing_of: 
         fails = np.array([step in bad for step in _as_steps(part)])
         _note(search, one.tag, part)
         one.left -= len(tried)
-        one.pairs = one.pairs[size:] if fails.mean() > _MOSTLY else part[:0]
+        one.pairs = one.pairs[size:] if fails.mean() > MOSTLY else part[:0]
     return sorted(bad)
 
 
@@ -198,7 +191,7 @@ def _open(search: PoseSearch, states: IndexArray, like: int, end: int) -> BoolAr
 
 def _inside(first: int, last: int, bad: IndexArray) -> set[int]:
     """Return some of the tags (k,) at which a span fails, or tags beside them."""
-    if last - first <= _ALL:
+    if last - first <= ALL_INSIDE:
         return set(range(first + 1, last))
     some = {int(bad[0]) - 1, int(bad[0]), int(bad[len(bad) // 2]), int(bad[-1])}
     return {at for at in some if first < at < last} or {(first + last) // 2}
@@ -209,7 +202,7 @@ def break_at(search: PoseSearch, row: int) -> Break:
     states, problem = search.states, search.checker.problem
     before = np.arange(states.offsets[row - 1], states.offsets[row])
     before = before[np.isfinite(search.ladder.value[before])]
-    before = before[np.unique(np.linspace(0, len(before) - 1, _MOST).astype(np.int64))]
+    before = before[np.unique(np.linspace(0, len(before) - 1, CARRIED_ON).astype(np.int64))]
     m = len(before)
     if search.ladder.is_given_up(row):  # others may lead on: nothing is proven
         return Break(m, {}, -1, 0.0, 0, 0.0)
@@ -314,7 +307,7 @@ def _around(search: PoseSearch, at: IndexArray) -> tuple[IndexArray, IndexArray]
     own, tag = states.column[at].astype(np.int64), states.tag_of(at)
     branch, pair = states.branch[at].astype(np.int64), search.pair[at] + np.int64(1)
     tilt, spin = np.divmod(own, width)
-    row, rung = _within(own * BRANCHES + branch, tag, _ALONG, n)
+    row, rung = _within(own * BRANCHES + branch, tag, ALONG, n)
     near, by = [_place(states, rung, own[row], branch[row])], [pair[row]]
     along, around = np.tile([-1, 0, 1], 2), np.repeat([-1, 1], 3)
     rung = tag[:, None] + along

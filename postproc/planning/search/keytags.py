@@ -12,13 +12,8 @@ from postproc.arrays import ROUNDING, BoolArray, FloatArray, IndexArray
 from postproc.cell import Optimize
 from postproc.geometry import angle_between, path_length
 from postproc.model import CUTS, MotionKind, ToolPath
+from postproc.planning.search.constants import KEY_STEP, KEY_TURN
 from postproc.planning.states import Problem, cut_into, entered_anew
-from postproc.units import DEG
-
-KEY_STEP = 0.02
-"""Longest way [m] on a cut from key tag to key tag, unless the points lie farther apart."""
-KEY_TURN = 5.0 * DEG
-"""Largest turn of the tool axis [rad] from key tag to key tag, likewise."""
 
 
 def stretches(toolpath: ToolPath) -> IndexArray:

@@ -16,15 +16,11 @@ from postproc.arrays import IndexArray
 from postproc.ladder import NONE
 from postproc.planning.checks import Checker
 from postproc.planning.search.between import Interpolation
+from postproc.planning.search.constants import AHEAD, LAP
 from postproc.planning.search.edges import Edges
 from postproc.planning.search.failing import SEEN
 from postproc.planning.search.pose_search import CHECKED, FREE, PoseSearch
 from postproc.planning.search.rungs import SearchOptions, Window, yardstick
-
-LAP = 12_000
-"""Tags of a lap: about 300 MB. Shorter jobs are searched whole."""
-AHEAD = 500
-"""Tags of the next lap that are searched with one."""
 
 
 def searched(

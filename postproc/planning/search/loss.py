@@ -11,18 +11,12 @@ from postproc.errors import Finding, Severity
 from postproc.ladder import NONE, Rule
 from postproc.planning.checks import Checker
 from postproc.planning.search.between import Interpolation
+from postproc.planning.search.constants import LOSS_ROUNDS, LOSS_SPACING
 from postproc.planning.search.keytags import spaced
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.search.rungs import SearchOptions
 from postproc.planning.states import Chosen, Problem, Weights, evaluate
 from postproc.records import dataclass
-
-_ROUNDS = 8
-"""So often at most key tags for less loss are added: each time up to as many as there are."""
-DEFAULT_BOUND = 0.05
-"""Bound of the strategy ``smooth`` where the cell sets none."""
-_SPACING = 0.01
-"""On cuts the optimum of single tags is looked for this often [m], and interpolated."""
 
 
 def best_index(checker: Checker, between: Interpolation) -> FloatArray:
@@ -39,7 +33,7 @@ def best_index(checker: Checker, between: Interpolation) -> FloatArray:
     checker = replace(
         checker, problem=replace(problem, settings=replace(problem.settings, weights=alone))
     )
-    tags = np.flatnonzero(spaced(between.way, between.is_cut, _SPACING))
+    tags = np.flatnonzero(spaced(between.way, between.is_cut, LOSS_SPACING))
     search = PoseSearch.of(checker, tags, SearchOptions(each=True), between)
     search.ladder.rule[:] = Rule.FREE
     path = search.run(steps=False).path
@@ -90,7 +84,7 @@ class LossBound:
         over = np.nan_to_num(loss, nan=0.0) - self.bound
         lossy = np.flatnonzero((over > 0.0) & ~keys)
         self.rounds += 1
-        if self.rounds > _ROUNDS or not len(lossy):
+        if self.rounds > LOSS_ROUNDS or not len(lossy):
             return lossy[:0]
         span = np.cumsum(keys)[lossy]
         order = np.lexsort((-over[lossy], span))

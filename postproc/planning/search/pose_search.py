@@ -19,11 +19,11 @@ from postproc.ladder import NONE, Found, Ladder, Rule, free_path
 from postproc.planning.checks import Checker, Evidence, Reason
 from postproc.planning.search.between import Interpolation
 from postproc.planning.search.bridges import Bridges
+from postproc.planning.search.constants import SHORT, STUCK
 from postproc.planning.search.cuts import Spans, fill, judge
 from postproc.planning.search.edges import Edges
 from postproc.planning.search.failing import (
     SEEN,
-    SHORT,
     FailingCuts,
     also_colliding,
     also_failing,
@@ -31,7 +31,6 @@ from postproc.planning.search.failing import (
     first_copies,
     places_of,
 )
-from postproc.planning.search.prices import STUCK
 from postproc.planning.search.rungs import Joins, SearchOptions, joins_of, ladder_of, states_on
 from postproc.planning.states import Chosen, States, entered_anew, merged
 from postproc.records import dataclass
@@ -86,11 +85,9 @@ class PoseSearch:
         options, problem = options or SearchOptions(), checker.problem
         between = between or Interpolation.of(problem)
         stride, fast = np.full(len(tags), problem.fine), np.zeros(len(tags), dtype=np.bool_)
-        states, pinned, edges = states_on(problem, tags, stride, options)
-        ladder = ladder_of(problem, between, tags, states, options)
-        ladder.joins = joins_of(problem, between, tags, states, stride, pinned, fast)
+        states, edges = states_on(problem, tags, stride, options)
         size = len(states.q)
-        return cls(
+        search = cls(
             checker,
             between,
             options,
@@ -99,13 +96,20 @@ class PoseSearch:
             fast,
             states,
             edges,
-            ladder,
+            ladder_of(problem, between, tags, states, options),
             reason=np.zeros(size, dtype=np.int8),
             pair=np.full(size, NONE, dtype=np.int32),
             asked=np.zeros(size, dtype=np.int8),
             passed=np.full(size, NONE, dtype=np.int32),
             failing=FailingCuts(between, SHORT if options.stretch is None else 0.0),
         )
+        search.ladder.joins = search.joins_anew()
+        return search
+
+    def joins_anew(self) -> Joins:
+        """Return what cuts may join, nothing of it worked out."""
+        at = self.tags, self.states, self.stride
+        return joins_of(self.checker.problem, self.between, *at, self.pinned, self.fast_turns)
 
     @property
     def joins(self) -> Joins:
@@ -292,7 +296,7 @@ def grown(known: PoseSearch, tags: IndexArray, stride: IndexArray) -> PoseSearch
         stride: (m,) every how many of the finest spins each has.
     """
     problem, between, options = known.checker.problem, known.between, known.options
-    new, _, edges = states_on(problem, tags, stride, options)
+    new, edges = states_on(problem, tags, stride, options)
     join = merged(known.states, known.tags, new, tags)
     kept, old = np.isin(known.tags, tags, invert=True), np.flatnonzero(join.source >= 0)
 
@@ -324,9 +328,8 @@ def grown(known: PoseSearch, tags: IndexArray, stride: IndexArray) -> PoseSearch
         moved[by_state(known.passed, NONE)].astype(np.int32),
         replace(known.failing, looked_at={}),
     )
-    ladder, shape = search.ladder, (search.tags, search.states, search.stride)
+    ladder, joins = search.ladder, search.joins_anew()
     ladder.cost[by_state(known.out, False)] = np.inf
-    joins = joins_of(problem, between, *shape, search.pinned, search.fast_turns)
     ladder.joins, before = joins, known.joins
     if isinstance(joins, Bridges) and isinstance(before, Bridges):  # leans are told anew
         rung = np.where(join.is_new, NONE, known.tags.searchsorted(join.tags))

@@ -16,6 +16,7 @@ import numpy as np
 from postproc.arrays import IndexArray
 from postproc.ladder import NONE, Found
 from postproc.planning.search.between import Interpolation
+from postproc.planning.search.constants import MOST_REFINED, MOST_STATES
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.records import dataclass
 
@@ -23,10 +24,6 @@ _FINER = 2
 _WINDOWS = ((40, 1), (300, 1), (10**9, _FINER))
 """Tags to each side of a break, and the stride on the finest grid of spins, tried in turn; no
 larger one than that of the cell's grid."""
-MOST_STATES = 12_000_000
-"""A search that holds more gives up: a good gigabyte."""
-_MOST_REFINED = 2000
-"""Tags without any pose that are searched on the finest grid, at most."""
 
 
 @dataclass(slots=True)
@@ -70,7 +67,7 @@ class Refinement:
         """Ask for the finest grid at tags without a pose, and for the tags beside them."""
         given = search.checker.problem.placement.given
         rows = np.flatnonzero((found.path == NONE) & given[search.tags] & ~search.pinned)
-        asked[search.tags[rows[:_MOST_REFINED]]] = 1
+        asked[search.tags[rows[:MOST_REFINED]]] = 1
         last = len(search.tags) - 1
         for row in np.flatnonzero(found.path == NONE).tolist():
             low, high = search.tags[max(row - 1, 0)], search.tags[min(row + 1, last)]

@@ -24,18 +24,14 @@ from postproc.kinematics import wrapped
 from postproc.ladder import NONE, Found
 from postproc.model import CUTS, MotionKind
 from postproc.planning.checks import Checker, Lines, Reason, failure
+from postproc.planning.search.constants import MAIN_STEP, OWN_SPINS, PRICED, STEADY_BAND
 from postproc.planning.search.pose_search import PoseSearch
-from postproc.planning.search.rungs import STEADY_BAND, price_of_lack, shares, tolls_of
+from postproc.planning.search.rungs import price_of_lack, shares, tolls_of
 from postproc.planning.states import BRANCHES, Chosen, Placement, evaluate, strokes_into
 from postproc.units import DEG, TURN
 
 _SAME = 1e-7
 """Spins nearer than this [rad] are one."""
-_OWN_SPINS, _PRICED = 8, 100
-"""Of the spins that tags of a stroke have so many are tried, and so many of its tags are priced."""
-
-_MAIN_STEP = 5.0 * DEG
-"""The main spin is looked for in steps of this."""
 
 
 def without_roll(search: PoseSearch, chosen: Chosen, best: FloatArray) -> list[Finding]:
@@ -129,11 +125,11 @@ def _ways(
         if len(ends) < 2 and np.ptp(spins[held]) < _SAME:
             yield float(spins[held[0]]), int(chosen.branch[tags[held[0]]]), held[0]
         return
-    some = _evenly(len(tags), _OWN_SPINS)
+    some = _evenly(len(tags), OWN_SPINS)
     grid = checker.problem.settings.spins
     tried = np.concatenate([spins[some], grid[np.argsort(np.abs(grid - spins[0]), kind="stable")]])
     branches = [*dict.fromkeys(chosen.branch[tags[[0, last]]].tolist())]
-    at = _evenly(len(tags), _PRICED)
+    at = _evenly(len(tags), PRICED)
     price = np.array(
         [_price(search, chosen, tags[at], offset[at], tried, slot, best) for slot in branches]
     )
@@ -335,7 +331,7 @@ def _middle(roll: FloatArray, weight: FloatArray) -> float:
 
     Those nearer to it count more: of two that hold as many the more central one is taken.
     """
-    angles = np.arange(0.0, TURN, _MAIN_STEP)
+    angles = np.arange(0.0, TURN, MAIN_STEP)
     off = np.abs(wrapped(roll - angles[:, None]))
     near = np.where(off <= STEADY_BAND, np.cos(off), 0.0)
     return float(angles[np.argmax(np.round(near @ weight, 9))])

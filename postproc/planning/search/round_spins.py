@@ -14,9 +14,9 @@ import numpy as np
 from postproc.arrays import TINY, FloatArray, IndexArray
 from postproc.errors import Finding, Severity
 from postproc.planning.search.between import Interpolation
+from postproc.planning.search.constants import FINER_PRICE
 from postproc.planning.search.laps import searched
 from postproc.planning.search.pose_search import PoseSearch
-from postproc.planning.search.prices import FINER_PRICE
 from postproc.planning.search.rungs import Window, is_round, yardstick
 from postproc.planning.states import Chosen, Problem, entered_anew
 from postproc.process import feeds_of

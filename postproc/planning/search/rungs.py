@@ -16,23 +16,31 @@ from postproc.planning.checks import Reason
 from postproc.planning.route import ON_THE_SPOT
 from postproc.planning.search.between import Interpolation
 from postproc.planning.search.bridges import Bridges
-from postproc.planning.search.edges import Edges, best_of, edges_of
-from postproc.planning.search.keytags import arc_length
-from postproc.planning.search.prices import (
+from postproc.planning.search.constants import (
+    BRIDGED,
+    BRIDGED_TURN,
     CHANGE,
     CHANGE_BOUND,
     CUT_TRAVEL,
+    CUT_UNIT,
     DEAR,
     DEARER,
     FINER_PRICE,
+    FINEST_SPIN,
+    GAP_AROUND,
     HOME_SHARE,
+    LEAST_STEP,
     MIRRORED_PRICE,
     PARTED,
     ROLL_PRICE,
+    STEADY_BAND,
+    STEADY_TURN,
     STUCK,
     TIE_SPIN,
     TIE_TRAVEL,
 )
+from postproc.planning.search.edges import Edges, best_of, edges_of
+from postproc.planning.search.keytags import arc_length
 from postproc.planning.search.tilt_steps import TiltSteps
 from postproc.planning.states import (
     BRANCHES,
@@ -50,26 +58,8 @@ from postproc.process import AXIS_SHARE
 from postproc.records import dataclass
 from postproc.units import DEG, TURN
 
-CUT_UNIT = 0.01
-"""Length [m] of cut over which states and travel weigh as at one tag by itself: what a cut costs
-must not depend on how densely the CAM system set its points."""
-_LEAST_STEP = 1e-3
-"""A step on a cut counts as at least so long [m]."""
-BRIDGED = 0.05
-"""Longest way [m] from key tag to key tag over which runs of spins are followed."""
-BRIDGED_TURN = 15.0 * DEG
-"""Largest turn of the tool axis [rad], likewise."""
-STEADY_TURN = 45.0 * DEG
-"""Largest turn of the tool about its axis [rad] from key tag to key tag over that way, more over a
-longer one; a faster turn is looked for only where there is no way without."""
-_AROUND = 30.0 * DEG
-"""No free way between two poses: so far [rad] around them none is looked for any more."""
-STEADY_BAND = 45.0 * DEG
-"""How far [rad] to each side a cut may roll the tool off its main spin without earning it."""
 ARM, WRIST = 3, 4
 """The bits of a branch that say how shoulder and elbow stand, and the wrist."""
-_FINEST = 0.1 * DEG
-"""Step of the spins about a pose where the cell rounds none."""
 _ROUND = 1e-5
 """A spin is round that is nearer to it, in such steps: the grid of poses rounds as well."""
 Joins = Bridges | TiltSteps
@@ -98,7 +88,7 @@ class Parted(NamedTuple):
         From each to the others of its side free ways lead. Where the arm stands alike at the gap
         these are left out: what parts the tool there may not do so elsewhere.
         """
-        if np.abs(before[0] - behind[0])[:3].max() <= _AROUND:
+        if np.abs(before[0] - behind[0])[:3].max() <= GAP_AROUND:
             return cls(before[:1], behind[:1])
         return cls(_spread(before[:, :3]), _spread(behind[:, :3]))
 
@@ -166,7 +156,7 @@ def _round_about(problem: Problem, spin: FloatArray, free: BoolArray) -> FloatAr
     Where the cell does not allow one the spin itself stands for it.
     """
     wishes, low, high = problem.cell.optimize, *problem.cell.optimize.range
-    step = wishes.spin_round or _FINEST
+    step = wishes.spin_round or FINEST_SPIN
     count = int(np.ceil(wishes.step / step - ROUNDING)) if len(problem.settings.spins) > 1 else 0
     spins = (np.round(spin[:, None] / step) + np.arange(-count, count + 1)) * step
     inside = (spins >= low - ROUNDING) & (spins <= high + ROUNDING)
@@ -206,8 +196,8 @@ def pinned_spins(problem: Problem, tags: IndexArray) -> tuple[FloatArray, IndexA
 
 def states_on(
     problem: Problem, tags: IndexArray, stride: IndexArray, options: SearchOptions
-) -> tuple[States, BoolArray, Edges]:
-    """Return the states of tags (n,) on their grids of spins, which are pinned, the stiffest."""
+) -> tuple[States, Edges]:
+    """Return the states of tags (n,) on their grids of spins, and the stiffest."""
     spins, pin = pinned_spins(problem, tags)
     pinned = pin != NONE
     states, edges, best = (
@@ -236,7 +226,7 @@ def states_on(
     if options.each:
         spin = states.spin_of(np.arange(len(states.q)))
         states.cost += TIE_SPIN * (spin / TRAVEL_UNIT) ** 2
-    return states, pinned | (options.window is not None), edges
+    return states, edges
 
 
 def _irregularity(
@@ -445,7 +435,7 @@ def beside(parted: Parted, q: NDArray[np.floating[Any]]) -> BoolArray:
         for pose in poses:
             near = np.abs(q[..., : len(pose)] - pose).max(axis=-1)
             np.minimum(off[..., side], near, out=off[..., side])
-    return np.asarray((off < _AROUND) & (off < off[..., ::-1]))
+    return np.asarray((off < GAP_AROUND) & (off < off[..., ::-1]))
 
 
 def _spread(q: FloatArray) -> FloatArray:
@@ -453,7 +443,7 @@ def _spread(q: FloatArray) -> FloatArray:
     kept = []
     while len(q):
         kept.append(q[0])
-        q = q[np.abs(q - q[0]).max(axis=1) > 0.5 * _AROUND]
+        q = q[np.abs(q - q[0]).max(axis=1) > 0.5 * GAP_AROUND]
     return np.array(kept)
 
 
@@ -506,7 +496,7 @@ def joins_of(
 
 def _cut_lengths(between: Interpolation, tags: IndexArray) -> FloatArray:
     """Return how much cut (n,), in ``CUT_UNIT``, leads to each of tags; 0 where none does."""
-    length = np.maximum(np.diff(between.way[tags], prepend=np.nan), _LEAST_STEP) / CUT_UNIT
+    length = np.maximum(np.diff(between.way[tags], prepend=np.nan), LEAST_STEP) / CUT_UNIT
     is_cut = between.is_cut[tags]
     is_cut[:1] = False
     return np.where(is_cut, length, 0.0)
