@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.backup.machine import Machine
-from postproc.cell import OpwGeometry, Robot, find_robot, load_robot, robot_names, type_of
+from postproc.arrays import FloatArray
+from postproc.backup.machine import SAME_LENGTH_MM, Machine
+from postproc.cell import LENGTHS, OpwGeometry, Robot, find_robot, load_robot, robot_names, type_of
 from postproc.errors import CellError
 from postproc.records import dataclass
 from postproc.units import DEG, MM
-
-_SAME_LENGTH = 0.1 * MM
-_LENGTHS = ("a1", "a2", "b", "c1", "c2", "c3", "c4")
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,8 +83,13 @@ def _own_limits(robot: Robot | None, axis: int) -> tuple[float, float] | None:
 def _is_same(name: str, machine: Machine) -> bool:
     geometry = load_robot(name).geometry
     assert isinstance(geometry, OpwGeometry)  # noqa: S101 - every built-in robot has one
-    own = np.array([getattr(geometry, key) for key in _LENGTHS])
-    return bool(np.abs(own - np.array(machine.lengths_mm) * MM).max() <= _SAME_LENGTH)
+    apart = np.abs(lengths_of(geometry) - np.array(machine.lengths_mm)).max()
+    return bool(apart <= SAME_LENGTH_MM)
+
+
+def lengths_of(geometry: OpwGeometry) -> FloatArray:
+    """Return a1, a2, b, c1, c2, c3, c4 [mm]."""
+    return np.array([getattr(geometry, key) for key in LENGTHS]) / MM
 
 
 def _named(trafoname: str) -> str | None:

@@ -11,8 +11,9 @@ from postproc.backup.arm import ArmMatch, limits_of, match_arm, short_name
 from postproc.backup.controller import Controller
 from postproc.backup.external import ExternalAxisEntry, ExternalKinematic
 from postproc.backup.frames import BaseEntry, ToolEntry
+from postproc.backup.variables import matrix, six
 from postproc.cell import LENGTHS, HomeStyle, Kss, Robot
-from postproc.geometry import inverse, kuka_from_transform, transform_from_kuka
+from postproc.geometry import inverse
 from postproc.units import DEG
 
 Values = dict[str, Any]
@@ -186,9 +187,7 @@ def _base(base: BaseEntry, controller: Controller) -> Values:
     frame, root = list(base.frame), controller.root
     T_world_base = controller.T_world_base(base)
     if T_world_base is not None and (any(root) or base.parent):
-        T_world_root = transform_from_kuka(root[:3], root[3:])
-        xyz, abc = kuka_from_transform(inverse(T_world_root) @ T_world_base)
-        frame = [round(float(value), 9) + 0.0 for value in (*xyz, *abc)]
+        frame = six(inverse(matrix(root)) @ T_world_base)
     values: Values = {"number": base.number}
     if base.name:
         values["name"] = base.name

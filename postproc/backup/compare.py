@@ -2,34 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from dataclasses import field
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from postproc.arrays import FloatArray
-from postproc.backup.arm import limits_of, match_arm
+from postproc.backup.arm import lengths_of, limits_of, match_arm
 from postproc.backup.controller import Controller
 from postproc.backup.external import ExternalAxisEntry, ExternalKinematic
 from postproc.backup.frames import BaseEntry, ToolEntry
-from postproc.cell import LENGTHS, Cell, ExternalAxis, HomeStyle, OpwGeometry, Tool, Workpiece
+from postproc.backup.machine import SAME_LENGTH_MM
+from postproc.backup.variables import matrix, six
+from postproc.cell import LENGTHS, Cell, ExternalAxis, HomeStyle, OpwGeometry, Tool
 from postproc.errors import Severity
-from postproc.geometry import inverse, kuka_from_transform, rotation_angle, transform_from_kuka
+from postproc.geometry import inverse, rotation_angle
 from postproc.records import dataclass
 from postproc.units import DEG, MM
 
-_MASS_KG = 1e-3
-_LENGTH_OF_ARM_MM = 0.1
+_SAME = 1e-3
+"""mm, deg, kg, or share of a speed: what is no farther apart is the same."""
 _XHOME = "XHOME"
 """The home that programs may go to by its name."""
 
-LENGTH_MM = 1e-3
-ANGLE_DEG = 1e-3
-SPEED = 1e-3
-"""Share of a speed."""
-_RANGE = 1e-3
-"""mm of a rail, deg of a positioner."""
+At = tuple[str | int, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,24 +35,11 @@ class Difference:
     """One number that differs: key of the cell, both values in units of the key, weight, words."""
 
     key: str
-    at: tuple[str | int, ...]
+    at: At
     cell: Any
     controller: Any
     severity: Severity
     text: str
-
-
-@dataclass(slots=True)
-class Counted:
-    """How many numbers have been compared."""
-
-    numbers: int = 0
-
-    def differ(self, a: ArrayLike, b: ArrayLike, tolerance: float) -> bool:
-        """Return whether two equally long lists of numbers are apart."""
-        own, other = np.atleast_1d(np.asarray(a, float)), np.atleast_1d(np.asarray(b, float))
-        self.numbers += own.size
-        return not bool(np.abs(own - other).max() <= tolerance)
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,252 +56,222 @@ def compare(cell: Cell, controller: Controller) -> BackupComparison:
     An error is what would make programs wrong on this controller: lengths, wider limits, another
     frame, mass or root. What one side lacks is a warning in the cell, a note on the controller.
     """
-    counted = Counted()
-    found = [*_arm(cell, controller, counted), *_frames(cell, controller, counted)]
-    found += [*_home(cell, controller, counted)]
-    found += compare_external_axes(cell, controller, counted)
-    return BackupComparison(counted.numbers, tuple(found))
+    both = _Both(cell, controller)
+    both.arm()
+    both.frames()
+    both.home()
+    both.external_axes()
+    return BackupComparison(both.compared, tuple(both.found))
 
 
-def _arm(cell: Cell, controller: Controller, counted: Counted) -> Iterator[Difference]:
-    robot, machine = cell.robot, controller.machine
-    if isinstance(robot.geometry, OpwGeometry):
-        own = [float(getattr(robot.geometry, key)) / MM for key in LENGTHS]
-        for key, mine, theirs in zip(LENGTHS, own, machine.lengths_mm, strict=True):
-            if counted.differ(mine, theirs, _LENGTH_OF_ARM_MM):
-                yield _number("robot.dimensions_mm." + key, ("robot",), mine, theirs, "mm")
-    match = match_arm(machine)
-    if match.robot is not None and match.robot.name != robot.name:
-        text = f"the arm is {robot.name}, $TRAFONAME of the controller {machine.trafoname}"
-        at, severity = ("robot", "model"), Severity.WARNING
-        yield Difference("robot.model", at, robot.name, match.robot.name, severity, text)
-    limits, _ = limits_of(machine, match.robot)
-    for axis, (low, high) in enumerate(limits):
-        span = [float(robot.q_min[axis] / DEG), float(robot.q_max[axis] / DEG)]
-        if counted.differ(span, [low, high], ANGLE_DEG):
-            is_wider = span[0] < low - ANGLE_DEG or span[1] > high + ANGLE_DEG
-            yield Difference(
-                f"robot.limits_deg[{axis + 1}]", ("robot", "limits_deg"), span, [low, high],
-                Severity.ERROR if is_wider else Severity.NOTE,
-                f"limits of A{axis + 1} are {span[0]:g} to {span[1]:g} deg, on the controller "
-                f"{low:g} to {high:g}{', the cell allows more' if is_wider else ''}",
-            )  # fmt: skip
-    for axis, theirs in enumerate(machine.speed_deg_s or ()):
-        speed = float(robot.qd_max[axis] / DEG)
-        if counted.differ(speed, theirs, SPEED * theirs):
+@dataclass(slots=True)
+class _Both:
+    """Compares a cell with a controller; counts the numbers and keeps what differs."""
+
+    cell: Cell
+    controller: Controller
+    compared: int = 0
+    found: list[Difference] = field(default_factory=list)
+
+    def differ(self, a: ArrayLike, b: ArrayLike, tolerance: float = _SAME) -> bool:
+        """Return whether two equally long lists of numbers are apart."""
+        own, other = np.atleast_1d(np.asarray(a, float)), np.atleast_1d(np.asarray(b, float))
+        self.compared += own.size
+        return not bool(np.abs(own - other).max() <= tolerance)
+
+    def add(self, key: str, at: At, mine: Any, theirs: Any, severity: Severity, text: str) -> None:  # noqa: ANN401 - numbers, names or lists
+        """Keep a difference."""
+        self.found.append(Difference(key, at, mine, theirs, severity, text))
+
+    def span(
+        self, key: str, at: At, mine: Sequence[float], theirs: Sequence[float], said: str, unit: str
+    ) -> None:
+        """Compare limits; ``said`` goes before those of the cell."""
+        if not self.differ(mine, theirs):
+            return
+        is_wider = mine[0] < theirs[0] - _SAME or mine[1] > theirs[1] + _SAME
+        text = f"{said} {mine[0]:g} to {mine[1]:g} {unit}, on the controller "
+        text += f"{theirs[0]:g} to {theirs[1]:g}{', the cell allows more' if is_wider else ''}"
+        severity = Severity.ERROR if is_wider else Severity.NOTE
+        self.add(key, at, list(mine), list(theirs), severity, text)
+
+    def speed(self, key: str, at: At, mine: float, theirs: float, said: str, unit: str) -> None:
+        """Compare speeds; ``said`` goes before that of the cell."""
+        if self.differ(mine, theirs, _SAME * theirs):
+            severity = Severity.WARNING if mine > theirs else Severity.NOTE
+            text = f"{said} {mine:g} {unit}/s, on the controller {theirs:g}"
+            self.add(key, at, mine, theirs, severity, text)
+
+    def frame(self, key: str, at: At, mine: FloatArray, theirs: FloatArray) -> None:
+        """Compare frames; angles are compared as rotations, B near 90 has many."""
+        step = np.asarray(mine)[:3, 3] - theirs[:3, 3]
+        turn = float(rotation_angle(np.asarray(mine)[:3, :3], theirs[:3, :3]) / DEG)
+        is_apart = self.differ(step / MM, np.zeros(3))
+        if self.differ([turn] * 3, np.zeros(3)) or is_apart:
+            own, other = six(mine, 6), six(theirs, 6)
+            shown = [" ".join(f"{value:g}" for value in frame) for frame in (own, other)]
+            text = (
+                f"{key} is {shown[0]}, on the controller {shown[1]}: "
+                f"{float(np.linalg.norm(step)) / MM:.3f} mm and {turn:.3f} deg apart"
+            )
+            self.add(key, at, own, other, Severity.ERROR, text)
+
+    # ---------------------------------------------------------------------------------- the arm
+
+    def arm(self) -> None:
+        """Compare lengths, limits, speeds and root of the arm."""
+        robot, machine = self.cell.robot, self.controller.machine
+        if isinstance(robot.geometry, OpwGeometry):
+            own = lengths_of(robot.geometry).tolist()
+            for name, mine, theirs in zip(LENGTHS, own, machine.lengths_mm, strict=True):
+                if self.differ(mine, theirs, SAME_LENGTH_MM):
+                    key = "robot.dimensions_mm." + name
+                    text = f"{key} is {mine:g} mm, on the controller {theirs:g}"
+                    self.add(key, ("robot",), mine, theirs, Severity.ERROR, text)
+        match = match_arm(machine)
+        if match.robot is not None and match.robot.name != robot.name:
+            text = f"the arm is {robot.name}, $TRAFONAME of the controller {machine.trafoname}"
+            at, severity = ("robot", "model"), Severity.WARNING
+            self.add("robot.model", at, robot.name, match.robot.name, severity, text)
+        for axis, limits in enumerate(limits_of(machine, match.robot)[0]):
+            span = [float(robot.q_min[axis] / DEG), float(robot.q_max[axis] / DEG)]
+            key, said = f"robot.limits_deg[{axis + 1}]", f"limits of A{axis + 1} are"
+            self.span(key, ("robot", "limits_deg"), span, limits, said, "deg")
+        for axis, theirs in enumerate(machine.speed_deg_s or ()):
             key = f"robot.speed_deg_s[{axis + 1}]"
-            severity = Severity.WARNING if speed > theirs else Severity.NOTE
-            yield _number(key, ("robot", "speed_deg_s"), speed, theirs, "deg/s", severity)
-    T_world_robroot = transform_from_kuka(controller.root[:3], controller.root[3:])
-    yield from _frame(
-        "robot.base", ("robot", "base"), robot.T_world_robroot, T_world_robroot, counted
-    )
+            speed = float(robot.qd_max[axis] / DEG)
+            self.speed(key, ("robot", "speed_deg_s"), speed, theirs, f"{key} is", "deg")
+        root = matrix(self.controller.root)
+        self.frame("robot.base", ("robot", "base"), robot.T_world_robroot, root)
 
+    def home(self) -> None:
+        """Compare homes: an error where programs go to the controller's own by its name."""
+        by_name = self.cell.krl.home is not HomeStyle.AXES
+        homes = self.controller.homes
+        name = _XHOME if by_name else next(iter(homes), _XHOME)
+        if self.cell.motion.home is None:
+            return
+        mine = [round(float(angle / DEG), 6) for angle in self.cell.motion.home]
+        theirs = homes.get(name)
+        key, at = "motion.home_deg", ("motion", "home_deg")
+        if theirs is None:
+            if by_name:
+                text = f"programs go to {name}, which the backup does not have"
+                self.add(key, at, mine, None, Severity.WARNING, text)
+        elif self.differ(mine, theirs):
+            shown = (" ".join(f"{angle:g}" for angle in home) for home in (mine, theirs))
+            text = "motion.home_deg is {}, {name} of the controller {}".format(*shown, name=name)
+            text += ": programs go there by its name" if by_name else ""
+            severity = Severity.ERROR if by_name else Severity.NOTE
+            self.add(key, at, mine, list(theirs), severity, text)
 
-def _home(cell: Cell, controller: Controller, counted: Counted) -> Iterator[Difference]:
-    """Yield a home that differs: an error where programs go to the controller's own by its name."""
-    by_name = cell.krl.home is not HomeStyle.AXES
-    name = _XHOME if by_name else next(iter(controller.homes), _XHOME)
-    if cell.motion.home is None:
-        return
-    mine = [round(float(angle / DEG), 6) for angle in cell.motion.home]
-    theirs = controller.homes.get(name)
-    at = ("motion", "home_deg")
-    if theirs is None:
-        if by_name:
-            text = f"programs go to {name}, which the backup does not have"
-            yield Difference("motion.home_deg", at, mine, None, Severity.WARNING, text)
-        return
-    if counted.differ(mine, theirs, ANGLE_DEG):
-        shown = (" ".join(f"{angle:g}" for angle in home) for home in (mine, theirs))
-        text = "motion.home_deg is {}, {name} of the controller {}".format(*shown, name=name)
-        text += ": programs go there by its name" if by_name else ""
-        severity = Severity.ERROR if by_name else Severity.NOTE
-        yield Difference("motion.home_deg", at, mine, list(theirs), severity, text)
+    # ------------------------------------------------------------------------- tools and bases
 
+    def frames(self) -> None:
+        """Compare tools and bases by their numbers."""
+        cell, controller = self.cell, self.controller
+        T_robroot_world = inverse(matrix(controller.root))
+        tools: _Known = {t.number: (t, matrix(t.frame)) for t in controller.tools if t.is_carried}
+        placed = ((base, controller.T_world_base(base)) for base in controller.bases)
+        bases: _Known = {b.number: (b, T_robroot_world @ T) for b, T in placed if T is not None}
+        self._numbered("tool", [(t.number, t.T_flange_tcp) for t in cell.tools], tools)
+        self._numbered("base", [(b.number, b.T_robroot_base) for b in cell.bases], bases)
+        for word, known in (("tool", tools), ("base", bases)):
+            for number, (entry, _) in known.items():
+                text = f"{word.upper()}_DATA[{number}] {entry.name} of the controller "
+                text += "is not in the cell"
+                self.add(f"{word}s[{number}]", (), None, list(entry.frame), Severity.NOTE, text)
 
-def _number(
-    key: str,
-    at: tuple[str | int, ...],
-    mine: float,
-    theirs: float,
-    unit: str,
-    severity: Severity = Severity.ERROR,
-) -> Difference:
-    text = f"{key} is {mine:g} {unit}, on the controller {theirs:g}"
-    return Difference(key, at, mine, theirs, severity, text)
+    def _numbered(self, word: str, own: Sequence[tuple[int, FloatArray]], known: _Known) -> None:
+        """Compare the entries of a cell with those of the same numbers, and take these out."""
+        for place, (number, T) in enumerate(own):
+            at = (f"{word}s", place)
+            if number in known:
+                entry, theirs = known.pop(number)
+                key = f"{word}s[{number}]"
+                self.frame(f"{key}.frame", (*at, "frame"), T, theirs)
+                if isinstance(entry, ToolEntry):
+                    self._load(key, at, self.cell.tools[place], entry)
+            elif not np.allclose(T, np.eye(4), atol=1e-12):
+                used = self.controller.tools if word == "tool" else self.controller.bases
+                shown = ", ".join(str(entry.number) for entry in used) or "none"
+                name = f"{word.upper()}_DATA[{number}]"
+                text = f"{name} is not used on the controller, used are {shown}"
+                self.add(name, at, None, None, Severity.WARNING, text)
 
+    def _load(self, key: str, at: At, tool: Tool, entry: ToolEntry) -> None:
+        mass = entry.mass_kg
+        if mass is None:
+            return
+        if np.isnan(tool.mass):
+            text = f"{key} has no mass_kg, on the controller {mass:g}"
+            self.add(f"{key}.mass_kg", at, None, mass, Severity.WARNING, text)
+        elif self.differ(tool.mass, mass):
+            own = float(tool.mass)
+            text = f"{key}.mass_kg is {own:g} kg, on the controller {mass:g}"
+            self.add(f"{key}.mass_kg", (*at, "mass_kg"), own, mass, Severity.ERROR, text)
+        if tool.com is not None and entry.cog is not None:
+            mine, theirs = [float(v / MM) for v in tool.com], list(entry.cog[:3])
+            if self.differ(mine, theirs):
+                text = f"{key}.cog_mm is {mine}, on the controller {theirs}"
+                self.add(f"{key}.cog_mm", (*at, "cog_mm"), mine, theirs, Severity.ERROR, text)
 
-def _frame(
-    key: str, at: tuple[str | int, ...], mine: FloatArray, theirs: FloatArray, counted: Counted
-) -> Iterator[Difference]:
-    """Yield a frame that differs; angles are compared as rotations, B near 90 has many."""
-    step = np.asarray(mine)[:3, 3] - np.asarray(theirs)[:3, 3]
-    turn = float(rotation_angle(np.asarray(mine)[:3, :3], np.asarray(theirs)[:3, :3]) / DEG)
-    is_apart = counted.differ(step / MM, np.zeros(3), LENGTH_MM)
-    if counted.differ([turn] * 3, np.zeros(3), ANGLE_DEG) or is_apart:
-        text = (
-            f"{key} is {_shown(mine)}, on the controller {_shown(theirs)}: "
-            f"{float(np.linalg.norm(step)) / MM:.3f} mm and {turn:.3f} deg apart"
-        )
-        yield Difference(key, at, _listed(mine), _listed(theirs), Severity.ERROR, text)
+    # ---------------------------------------------------------------------------- external axes
 
-
-def _listed(T: FloatArray) -> list[float]:
-    xyz, abc = kuka_from_transform(np.asarray(T))
-    return [round(float(value), 6) + 0.0 for value in (*xyz, *abc)]
-
-
-def _shown(T: FloatArray) -> str:
-    return " ".join(f"{value:g}" for value in _listed(T))
-
-
-def _frames(cell: Cell, controller: Controller, counted: Counted) -> Iterator[Difference]:
-    tools = {tool.number: tool for tool in controller.tools if tool.is_carried}
-    for place, tool in enumerate(cell.tools):
-        if tool.number in tools:
-            yield from _tool(("tools", place), tool, tools.pop(tool.number), counted)
-        elif not _is_zero(tool.T_flange_tcp):
-            yield _lacking(f"TOOL_DATA[{tool.number}]", ("tools", place), controller.tools)
-    bases = {
-        base.number: base for base in controller.bases if controller.T_world_base(base) is not None
-    }
-    for place, base in enumerate(cell.bases):
-        if base.number in bases:
-            entry = bases.pop(base.number)
-            yield from _base(("bases", place), base, entry, controller, counted)
-        elif not _is_zero(base.T_robroot_base):
-            yield _lacking(f"BASE_DATA[{base.number}]", ("bases", place), controller.bases)
-    left: list[tuple[str, ToolEntry | BaseEntry]] = [("TOOL", tool) for tool in tools.values()]
-    left += [("BASE", base) for base in bases.values()]
-    for name, item in left:
-        text = f"{name}_DATA[{item.number}] {item.name} of the controller is not in the cell"
-        key = f"{name.lower()}s[{item.number}]"
-        yield Difference(key, (), None, list(item.frame), Severity.NOTE, text)
-
-
-def _is_zero(T: FloatArray) -> bool:
-    """Return whether a frame is that of a number which the controller does not use."""
-    return bool(np.allclose(T, np.eye(4), atol=1e-12))
-
-
-def _lacking(
-    name: str, at: tuple[str | int, ...], entries: Sequence[ToolEntry | BaseEntry]
-) -> Difference:
-    known = ", ".join(str(entry.number) for entry in entries) or "none"
-    text = f"{name} is not used on the controller, used are {known}"
-    return Difference(name, at, None, None, Severity.WARNING, text)
-
-
-def _tool(
-    at: tuple[str | int, ...], tool: Tool, entry: ToolEntry, counted: Counted
-) -> Iterator[Difference]:
-    key = f"tools[{tool.number}]"
-    T_flange_tcp = transform_from_kuka(entry.frame[:3], entry.frame[3:])
-    yield from _frame(f"{key}.frame", (*at, "frame"), tool.T_flange_tcp, T_flange_tcp, counted)
-    if entry.mass_kg is None:
-        return
-    if np.isnan(tool.mass):
-        text = f"{key} has no mass_kg, on the controller {entry.mass_kg:g}"
-        yield Difference(f"{key}.mass_kg", at, None, entry.mass_kg, Severity.WARNING, text)
-    elif counted.differ(tool.mass, entry.mass_kg, _MASS_KG):
-        yield _number(f"{key}.mass_kg", (*at, "mass_kg"), float(tool.mass), entry.mass_kg, "kg")
-    if tool.com is not None and entry.cog is not None:
-        mine, theirs = [float(v / MM) for v in tool.com], list(entry.cog[:3])
-        if counted.differ(mine, theirs, LENGTH_MM):
-            text = f"{key}.cog_mm is {mine}, on the controller {theirs}"
-            yield Difference(f"{key}.cog_mm", (*at, "cog_mm"), mine, theirs, Severity.ERROR, text)
-
-
-def _base(
-    at: tuple[str | int, ...],
-    base: Workpiece,
-    entry: BaseEntry,
-    controller: Controller,
-    counted: Counted,
-) -> Iterator[Difference]:
-    T_robroot_world = inverse(transform_from_kuka(controller.root[:3], controller.root[3:]))
-    T_world_base = controller.T_world_base(entry)
-    if T_world_base is not None:
-        theirs = T_robroot_world @ T_world_base
-        key = f"bases[{base.number}].frame"
-        yield from _frame(key, (*at, "frame"), base.T_robroot_base, theirs, counted)
-
-
-def compare_external_axes(
-    cell: Cell, controller: Controller, counted: Counted
-) -> Iterator[Difference]:
-    """Yield what differs; programs with values for an axis that is not there are errors."""
-    own = {axis.name: (place, axis) for place, axis in enumerate(cell.external_axes)}
-    for kinematic in controller.externals:
-        for entry in kinematic.axes:
+    def external_axes(self) -> None:
+        """Compare external axes; programs with values for one that is not there are errors."""
+        own = {axis.name: (place, axis) for place, axis in enumerate(self.cell.external_axes)}
+        theirs = [(k, entry) for k in self.controller.externals for entry in k.axes]
+        for kinematic, entry in theirs:
+            key = f"external_axes[{entry.name}]"
             if entry.name in own:
                 place, axis = own.pop(entry.name)
-                at = ("external_axes", place)
-                yield from _axis(at, axis, entry, kinematic, counted)
+                self._axis(key, ("external_axes", place), axis, entry, kinematic)
             else:
                 text = f"{entry.name} of the controller ({kinematic.name}) is not in the cell: "
-                key = f"external_axes[{entry.name}]"
                 text += "programs do not move it"
-                yield Difference(key, (), None, entry.name, Severity.WARNING, text)
-    for place, axis in own.values():
-        text = f"{axis.name} of the cell is not on the controller, it has {_names(controller)}"
-        key, at = f"external_axes[{axis.name}]", ("external_axes", place)
-        yield Difference(key, at, axis.name, None, Severity.ERROR, text)
+                self.add(key, (), None, entry.name, Severity.WARNING, text)
+        names = ", ".join(entry.name for _, entry in theirs) or "no external axes"
+        for place, axis in own.values():
+            text = f"{axis.name} of the cell is not on the controller, it has {names}"
+            key, at = f"external_axes[{axis.name}]", ("external_axes", place)
+            self.add(key, at, axis.name, None, Severity.ERROR, text)
+
+    def _axis(
+        self,
+        key: str,
+        at: At,
+        axis: ExternalAxis,
+        entry: ExternalAxisEntry,
+        kinematic: ExternalKinematic,
+    ) -> None:
+        if kinematic.kind != axis.kind:
+            theirs = kinematic.kind or "of no kinematic"
+            text = f"{axis.name} is a {axis.kind} of the cell, on the controller {theirs}"
+            self.add(f"{key}.kind", at, axis.kind, kinematic.kind, Severity.ERROR, text)
+            return
+        unit, per = ("mm", MM) if entry.is_linear else ("deg", DEG)
+        if entry.limits:
+            name, span = f"range_{unit}", (axis.q_min / per, axis.q_max / per)
+            said = f"{axis.name} goes from"
+            self.span(f"{key}.{name}", (*at, name), span, entry.limits, said, unit)
+        if entry.speed:
+            name, said = f"speed_{unit}_s", f"{axis.name} runs at"
+            self.speed(f"{key}.{name}", (*at, name), axis.qd_max / per, entry.speed, said, unit)
+        if entry.frame is not None:
+            self._line(f"{key}.axis", at, axis, matrix(entry.frame))
+
+    def _line(self, key: str, at: At, axis: ExternalAxis, T_world_axis: FloatArray) -> None:
+        """Compare where an axis points, and the line about which a positioner turns."""
+        direction = T_world_axis[:3, 2]
+        sine = np.linalg.norm(np.cross(axis.axis, direction))
+        off = float(np.arctan2(sine, axis.axis @ direction)) / DEG
+        step = np.asarray(axis.T_world_axis)[:3, 3] - T_world_axis[:3, 3]
+        aside = 0.0 if axis.kind == "rail" else float(np.linalg.norm(np.cross(step, direction)))
+        is_turned = self.differ(off, 0.0)
+        if self.differ(aside / MM, 0.0) or is_turned:
+            text = f"{axis.name} lies {aside / MM:.3f} mm and {off:.3f} deg off the controller's"
+            self.add(key, at, off, 0.0, Severity.ERROR, text)
 
 
-def _names(controller: Controller) -> str:
-    names = [axis.name for kinematic in controller.externals for axis in kinematic.axes]
-    return ", ".join(names) or "no external axes"
-
-
-def _axis(
-    at: tuple[str | int, ...],
-    axis: ExternalAxis,
-    entry: ExternalAxisEntry,
-    kinematic: ExternalKinematic,
-    counted: Counted,
-) -> Iterator[Difference]:
-    key = f"external_axes[{axis.name}]"
-    if kinematic.kind != axis.kind:
-        theirs = kinematic.kind or "of no kinematic"
-        text = f"{axis.name} is a {axis.kind} of the cell, on the controller {theirs}"
-        yield Difference(f"{key}.kind", at, axis.kind, kinematic.kind, Severity.ERROR, text)
-        return
-    unit, per = ("mm", MM) if entry.is_linear else ("deg", DEG)
-    span = [axis.q_min / per, axis.q_max / per]
-    if entry.limits and counted.differ(span, entry.limits, _RANGE):
-        low, high = entry.limits
-        is_wider = span[0] < low - _RANGE or span[1] > high + _RANGE
-        text = f"{axis.name} goes from {span[0]:g} to {span[1]:g} {unit}, on the controller "
-        text += f"{low:g} to {high:g}{', the cell allows more' if is_wider else ''}"
-        severity = Severity.ERROR if is_wider else Severity.NOTE
-        name = f"{key}.range_{unit}"
-        yield Difference(name, (*at, f"range_{unit}"), span, list(entry.limits), severity, text)
-    speed = axis.qd_max / per
-    if entry.speed and counted.differ(speed, entry.speed, SPEED * entry.speed):
-        text = f"{axis.name} runs at {speed:g} {unit}/s, on the controller {entry.speed:g}"
-        severity = Severity.WARNING if speed > entry.speed else Severity.NOTE
-        name = f"speed_{unit}_s"
-        yield Difference(f"{key}.{name}", (*at, name), speed, entry.speed, severity, text)
-    if entry.frame is not None:
-        yield from _line(key, at, axis, entry.frame, counted)
-
-
-def _line(
-    key: str,
-    at: tuple[str | int, ...],
-    axis: ExternalAxis,
-    frame: tuple[float, ...],
-    counted: Counted,
-) -> Iterator[Difference]:
-    """Yield where an axis points elsewhere, or a positioner turns about another line."""
-    T_world_axis = transform_from_kuka(frame[:3], frame[3:])
-    direction = T_world_axis[:3, 2]
-    off = float(np.arctan2(np.linalg.norm(np.cross(axis.axis, direction)), axis.axis @ direction))
-    step = np.asarray(axis.T_world_axis)[:3, 3] - T_world_axis[:3, 3]
-    aside = 0.0 if axis.kind == "rail" else float(np.linalg.norm(np.cross(step, direction)))
-    is_turned = counted.differ(off / DEG, 0.0, ANGLE_DEG)
-    if counted.differ(aside / MM, 0.0, LENGTH_MM) or is_turned:
-        text = f"{axis.name} lies {aside / MM:.3f} mm and {off / DEG:.3f} deg off the controller's"
-        yield Difference(f"{key}.axis", at, off / DEG, 0.0, Severity.ERROR, text)
+_Known = dict[int, tuple[ToolEntry | BaseEntry, FloatArray]]

@@ -14,9 +14,8 @@ from postproc.backup.external import ExternalKinematic, external_kinematics
 from postproc.backup.frames import BaseEntry, ToolEntry, base_entries, tool_entries
 from postproc.backup.layout import Layout, find_files
 from postproc.backup.machine import Machine, machine_of
-from postproc.backup.variables import Variables, decoded, read_variables
+from postproc.backup.variables import Variables, decoded, matrix, read_variables
 from postproc.errors import ReadError
-from postproc.geometry import transform_from_kuka
 from postproc.records import dataclass
 
 _SOFTWARE = re.compile(r"\bV?(\d{1,2})\.(\d{1,2})(?:\.\d+)*(?:\s*SP\s*\d+)?", re.IGNORECASE)
@@ -86,15 +85,14 @@ class Controller:
 
         The bases of a cell with a positioner turn with it, so those that stand still are none.
         """
-        T = transform_from_kuka(base.frame[:3], base.frame[3:])
         if base.kind == "#TCP":
             return None
         if not self.positioners:
-            return T if base.is_fixed else None
+            return None if base.parent else matrix(base.frame)
         (positioner,) = self.positioners
         if base.system != positioner.system or positioner.flange is None:
             return None
-        return transform_from_kuka(positioner.flange[:3], positioner.flange[3:]) @ T
+        return matrix(positioner.flange) @ matrix(base.frame)
 
     @property
     def kss(self) -> tuple[int, int] | None:
@@ -120,16 +118,16 @@ def read_backup(path: str | Path) -> Controller:
     notes = list(machine.notes)
     if config is None:
         notes.append("no R1/System/$config.dat: tools, bases, loads and home are not known")
-    if int(info.get("lastdisk", "0") or 0) if info.get("lastdisk", "0").isdigit() else 0:
-        notes.append(f"one of {int(info['lastdisk']) + 1} disks: the others may hold more")
-    externals = external_kinematics(data, config)
+    last = info.get("lastdisk", "")
+    if last.isdecimal() and int(last):
+        notes.append(f"one of {int(last) + 1} disks: the others may hold more")
     return Controller(
         path=str(path),
         machine=machine,
         tools=tool_entries(config) if config else (),
         bases=base_entries(config) if config else (),
         homes=_homes(config, data),
-        externals=externals,
+        externals=external_kinematics(data, config),
         software=info.get("version", "") or _software(archive, data),
         robot_name=info.get("robname", ""),
         serial=info.get("irserialnr", ""),

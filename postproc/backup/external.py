@@ -12,17 +12,14 @@ and of V4.1.7.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import field
 
 import numpy as np
 
-from postproc.backup.variables import Variables, numbers_of
-from postproc.geometry import kuka_from_transform, transform_from_kuka
+from postproc.backup.variables import FRAME, Variables, matrix, numbers_of, rated_speed, six
 from postproc.records import dataclass
 
-_FRAME = "X Y Z A B C"
 _RAIL = "ERSYS"
 _POSITIONERS = frozenset(f"E{letter}SYS" for letter in "ABCDEF")
 _KINEMATICS = ("ET1", "ET2", "ET3", "ET4", "ET5", "ET6")
@@ -106,7 +103,7 @@ def _kinematic(
     own = f"${short}_"
     kind = "rail" if system == _RAIL else "positioner" if system in _POSITIONERS else ""
     root_name, root = _root(data, config, kind, system)
-    frames = {own + part: data.parts(own + part, _FRAME) for part in (*_LINKS, "TFLA3", "TPINFL")}
+    frames = {own + part: data.parts(own + part, FRAME) for part in (*_LINKS, "TFLA3", "TPINFL")}
     if root_name:
         frames[root_name] = root
     links = [frames[own + part] for part in _LINKS[: len(names)]]
@@ -129,14 +126,14 @@ def _root(
 ) -> tuple[str, list[float] | None]:
     """Return name and value of the frame in the world that a kinematic stands at."""
     if kind == "rail":
-        return "$ERSYSROOT", data.parts("$ERSYSROOT", _FRAME)
+        return "$ERSYSROOT", data.parts("$ERSYSROOT", FRAME)
     if config is None:
         return "", None
     for index in config.indices("MACHINE_DEF"):
         machine = config.get("MACHINE_DEF", index)
         if isinstance(machine, dict) and machine.get("MECH_TYPE") == f"#{system}":
             parent = str(machine.get("PARENT", "")).strip().upper()
-            root = numbers_of(machine.get("ROOT"), _FRAME) if parent in ("", "WORLD") else None
+            root = numbers_of(machine.get("ROOT"), FRAME) if parent in ("", "WORLD") else None
             return f"MACHINE_DEF[{index}].ROOT", root
     old = old_external_bases(config, system)
     roots = {tuple(root) for _, root, _ in old}
@@ -159,7 +156,7 @@ def old_external_bases(
             (system,) if system else _POSITIONERS
         ):
             continue
-        root, offset = (numbers_of(held.get(key), _FRAME) for key in ("ROOT", "OFFSET"))
+        root, offset = (numbers_of(held.get(key), FRAME) for key in ("ROOT", "OFFSET"))
         if root is not None and offset is not None and any((*root, *offset)):
             found.append((index, root, offset))
     return found
@@ -173,9 +170,8 @@ def _chain(
         return [None] * (len(frames) - 2), None
     T, found = np.eye(4), []
     for frame in frames:
-        T = T @ transform_from_kuka(frame[:3], frame[3:])  # type: ignore[index]
-        values = [*kuka_from_transform(T)[0], *kuka_from_transform(T)[1]]
-        found.append(tuple(round(float(value), 9) + 0.0 for value in values))
+        T = T @ matrix(frame)  # type: ignore[arg-type]
+        found.append(tuple(six(T)))
     return found[1:-1], found[-1]  # type: ignore[return-value]
 
 
@@ -185,18 +181,8 @@ def _axis(data: Variables, name: str, frame: tuple[float, ...] | None) -> Extern
     is_set = low is not None and high is not None and -_FARTHEST <= low < high <= _FARTHEST
     limits = (low, high) if is_set and data.number("$AXIS_TYPE", index) != _ENDLESS else None
     is_linear = data.number("$AXIS_TYPE", index) == _LINEAR
-    speed = _speed(data, index, is_linear)
+    speed = rated_speed(data, index, 1e3 if is_linear else 360.0)
     return ExternalAxisEntry(name, is_linear, limits, speed, frame)  # type: ignore[arg-type]
-
-
-def _speed(data: Variables, index: int, is_linear: bool) -> float | None:
-    """Return the rated speed: turns of the motor by its turns per turn of the axis, or per m."""
-    rpm, ratio = data.number("$VEL_AXIS_MA", index), data.parts("$RAT_MOT_AX", "N D", index)
-    if rpm is None or ratio is None or not ratio[0]:
-        return None
-    per_turn = 1e3 if is_linear else 360.0
-    speed = rpm / 60.0 * per_turn * ratio[1] / abs(ratio[0])
-    return round(speed, 6) if 0.0 < speed < _FARTHEST and math.isfinite(speed) else None
 
 
 def _unknown(

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from postproc.backup.external import old_external_bases
-from postproc.backup.variables import Variables, numbers_of
+from postproc.backup.variables import FRAME, Variables, numbers_of
 from postproc.records import dataclass
 
-_FRAME = "X Y Z A B C"
 _OLD_EXTERNAL = 16
 """FDAT.BASE_NO of a KRC2 is this and the number of its EX_BASE: ``bas.src`` of V4.1.7."""
 
@@ -24,7 +25,6 @@ class ToolEntry:
     name: str
     frame: tuple[float, ...]
     kind: str
-    line: int
     mass_kg: float | None = None
     cog: tuple[float, ...] | None = None
     inertia_kg_m2: tuple[float, ...] | None = None
@@ -48,21 +48,15 @@ class BaseEntry:
     name: str
     frame: tuple[float, ...]
     kind: str
-    line: int
     parent: str = ""
     system: str = ""
-
-    @property
-    def is_fixed(self) -> bool:
-        """Whether it is a workpiece frame that stands still in the world."""
-        return self.kind != "#TCP" and not self.parent
 
 
 def tool_entries(config: Variables) -> tuple[ToolEntry, ...]:
     """Return the tools that are used: a frame that is not zero, a name, a kind or a load."""
     found = []
     for number in config.indices("TOOL_DATA"):
-        frame = config.parts("TOOL_DATA", _FRAME, number)
+        frame = config.parts("TOOL_DATA", FRAME, number)
         name, kind = config.text("TOOL_NAME", number), str(config.get("TOOL_TYPE", number) or "")
         load = config.get("LOAD_DATA", number)
         mass = numbers_of(load, "M")
@@ -70,47 +64,35 @@ def tool_entries(config: Variables) -> tuple[ToolEntry, ...]:
         is_used = any(frame or ()) or name or kind not in ("", "#NONE") or weighed
         if number < 1 or frame is None or not is_used:
             continue
-        entry = ToolEntry(number, name, tuple(frame), kind, _line(config, "TOOL_DATA", number))
-        found.append(_with_load(entry, load) if weighed else entry)
+        entry = ToolEntry(number, name, tuple(frame), kind)
+        if mass is not None and weighed:
+            cog, inertia = numbers_of(load.get("CM"), FRAME), numbers_of(load.get("J"), "X Y Z")
+            is_inertia = inertia is not None and any(inertia) and min(inertia) >= 0.0
+            entry = replace(
+                entry,
+                mass_kg=mass[0],
+                cog=tuple(cog) if cog is not None else None,
+                inertia_kg_m2=tuple(inertia) if inertia is not None and is_inertia else None,
+            )
+        found.append(entry)
     return tuple(found)
-
-
-def _with_load(tool: ToolEntry, load: dict[str, object]) -> ToolEntry:
-    mass = numbers_of(load, "M")
-    cog, inertia = numbers_of(load.get("CM"), _FRAME), numbers_of(load.get("J"), "X Y Z")
-    return ToolEntry(
-        tool.number,
-        tool.name,
-        tool.frame,
-        tool.kind,
-        tool.line,
-        mass[0] if mass else None,
-        tuple(cog) if cog is not None else None,
-        tuple(inertia) if inertia is not None and any(inertia) and min(inertia) >= 0.0 else None,
-    )
 
 
 def base_entries(config: Variables) -> tuple[BaseEntry, ...]:
     """Return the bases that are used: a frame that is not zero, a name or a kind."""
     found = []
     for number in config.indices("BASE_DATA"):
-        frame = config.parts("BASE_DATA", _FRAME, number)
+        frame = config.parts("BASE_DATA", FRAME, number)
         name, kind = config.text("BASE_NAME", number), str(config.get("BASE_TYPE", number) or "")
         is_used = any(frame or ()) or name or kind not in ("", "#NONE")
         if number < 1 or frame is None or not is_used:
             continue
-        line, parent = _line(config, "BASE_DATA", number), _parent(config, number)
-        found.append(BaseEntry(number, name, tuple(frame), kind, line, *parent))
+        found.append(BaseEntry(number, name, tuple(frame), kind, *_parent(config, number)))
     for index, _, offset in old_external_bases(config):
         system = str(config.get("EX_AX_DATA", index)["EX_KIN"]).lstrip("#")
-        line = _line(config, "EX_AX_DATA", index)
         number = _OLD_EXTERNAL + index
-        found.append(BaseEntry(number, "", tuple(offset), "#BASE", line, system, system))
+        found.append(BaseEntry(number, "", tuple(offset), "#BASE", system, system))
     return tuple(found)
-
-
-def _line(config: Variables, name: str, number: int) -> int:
-    return config.source(name, number).line
 
 
 def _parent(config: Variables, number: int) -> tuple[str, str]:

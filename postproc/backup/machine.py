@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 
 from postproc.arrays import TINY
-from postproc.backup.variables import Variables
+from postproc.backup.variables import FRAME, Variables, rated_speed
 from postproc.cell import same_type
 from postproc.errors import ReadError
 from postproc.records import dataclass
 
 AXES = range(1, 7)
-_FRAME = "X Y Z A B C"
 _DYNAMICS = {12: "c1", 13: "a1", 14: "c2", 15: "a2", 17: "c3", 18: "c4"}
 """Index of $DYN_DAT with a second copy of a length; that of a2 has the other sign."""
-_SAME_LENGTH = 0.1
+SAME_LENGTH_MM = 0.1
+"""Lengths of two arms that are no farther apart are those of one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,10 +51,10 @@ def machine_of(data: Variables, robcor: Variables | None) -> Machine:
     _require_six_axis_arm(data)
     lengths = _lengths(data)
     notes = []
-    root = data.parts("$ROBROOT", _FRAME)
+    root = data.parts("$ROBROOT", FRAME)
     if root is None:
         notes.append("no $ROBROOT: the robot root is taken to be at the world origin")
-    speeds = [_speed(data, axis) for axis in AXES]
+    speeds = [rated_speed(data, axis, 360.0) for axis in AXES]
     if None in speeds:
         notes.append("no $RAT_MOT_AX or $VEL_AXIS_MA: axis speeds are not known from the files")
     payload = robcor.number("$DEF_L_M") if robcor else None
@@ -96,7 +96,7 @@ def _no_arm(data: Variables, name: str, text: str) -> ReadError:
 
 def _lengths(data: Variables) -> tuple[float, ...]:
     """Return a1, a2, b, c1, c2, c3, c4 [mm]; frames of the transformation must be plain."""
-    frames = {name: data.parts(name, _FRAME) for name in ("$TIRORO", "$TX3P3", "$TFLWP")}
+    frames = {name: data.parts(name, FRAME) for name in ("$TIRORO", "$TX3P3", "$TFLWP")}
     a1, c2 = data.number("$LENGTH_A"), data.number("$LENGTH_B")
     missing = [name for name, frame in frames.items() if frame is None]
     missing += [name for name, v in (("$LENGTH_A", a1), ("$LENGTH_B", c2)) if v is None]
@@ -121,15 +121,6 @@ def _limits(data: Variables, axis: int) -> tuple[float, float] | None:
     return low, high
 
 
-def _speed(data: Variables, axis: int) -> float | None:
-    """Return the rated speed of an axis [deg/s]: 6 rpm D / |N|."""
-    rpm, ratio = data.number("$VEL_AXIS_MA", axis), data.parts("$RAT_MOT_AX", "N D", axis)
-    if rpm is None or ratio is None or not ratio[0]:
-        return None
-    speed = 6.0 * rpm * ratio[1] / abs(ratio[0])
-    return round(speed, 6) if 0.0 < speed < 1e4 else None
-
-
 def _mixed(data: Variables, robcor: Variables, lengths: tuple[float, ...]) -> str:
     """Return words on dynamics of another robot than the machine data, empty where they agree."""
     own, other = data.text("$TRAFONAME"), robcor.text("$MODEL_NAME")
@@ -139,7 +130,7 @@ def _mixed(data: Variables, robcor: Variables, lengths: tuple[float, ...]) -> st
     wrong = [
         f"{key} {wanted[key]:g} and {copy:g} mm"
         for key, copy in copies.items()
-        if copy is not None and abs(copy - wanted[key]) > _SAME_LENGTH
+        if copy is not None and abs(copy - wanted[key]) > SAME_LENGTH_MM
     ]
     if (other and own and not same_type(own, other)) or (wrong and any(copies.values())):
         lengths_differ = f"; lengths differ: {', '.join(wrong)}" if wrong else ""

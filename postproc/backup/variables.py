@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from postproc import krl
+from postproc.arrays import FloatArray
 from postproc.backup.archive import Archive
 from postproc.errors import KrlError, ReadError, SourceRef
+from postproc.geometry import kuka_from_transform, transform_from_kuka
 from postproc.records import dataclass
 
+FRAME = "X Y Z A B C"
+_FASTEST = 1e4
+"""No axis has a larger rated speed [deg/s or mm/s]."""
 _TARGET = re.compile(r"([$\w]+)\s*(?:\[\s*([\d,\s]*)\])?$")
 _MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}
 
@@ -88,6 +93,25 @@ def read_variables(archive: Archive, name: str) -> Variables:
             key = match[1].upper(), int(first) if first.isdigit() and len(first) < 6 else 0
             values[key], lines[key] = _plain(value), line
     return Variables(place, values, lines)
+
+
+def rated_speed(data: Variables, axis: int, per_turn: float) -> float | None:
+    """Return the rated speed of an axis [1/s] that goes ``per_turn`` with a turn of its gear."""
+    rpm, ratio = data.number("$VEL_AXIS_MA", axis), data.parts("$RAT_MOT_AX", "N D", axis)
+    if rpm is None or ratio is None or not ratio[0]:
+        return None
+    speed = per_turn / 60.0 * rpm * ratio[1] / abs(ratio[0])
+    return round(speed, 6) if 0.0 < speed < _FASTEST else None
+
+
+def matrix(frame: Sequence[float]) -> FloatArray:
+    """Return the transform (4, 4) [m] of X Y Z A B C [mm, deg]."""
+    return transform_from_kuka(frame[:3], frame[3:])
+
+
+def six(T: FloatArray, digits: int = 9) -> list[float]:
+    """Return X Y Z A B C [mm, deg] of a transform (4, 4), rounded."""
+    return [round(float(v), digits) + 0.0 for part in kuka_from_transform(T) for v in part]
 
 
 def file_name(name: str) -> str:
