@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import field
 from typing import Any
@@ -12,9 +11,6 @@ from postproc.controller.runtime import UNKNOWN, Evaluator, Variables
 from postproc.errors import RunKind, Severity
 from postproc.krl import LOOPS, Control, KrlModule, Node, Routine, Statement, parse_expression
 from postproc.records import dataclass
-
-_FOR = re.compile(r"(.+?)=(.+?)\bTO\b(.+?)(?:\bSTEP\b(.+))?$", re.IGNORECASE)
-_THEN = re.compile(r"\bTHEN\s*$", re.IGNORECASE)
 
 
 @dataclass(slots=True)
@@ -131,7 +127,7 @@ class ControlFlow:
         self._finding(RunKind.ENDLESS, f"{message}: run once", severity)
 
     def _if(self, run: Activation, index: int, statement: Control) -> int | None:
-        if self._condition(_THEN.sub("", statement.text), run, index, run.flow.end[index]):
+        if self._condition(statement.expressions[0], run, index, run.flow.end[index]):
             return None
         branches = run.flow.branches.get(index)
         return (branches[0] if branches else run.flow.end[index]) + 1
@@ -142,19 +138,17 @@ class ControlFlow:
         return stop + 1
 
     def _for(self, run: Activation, index: int, statement: Control) -> int | None:
-        match = _FOR.match(statement.text)
-        if match is None:
+        if not statement.expressions:
             return None
-        first, last, step = (
-            self._evaluator.node(parse_expression(text.strip())) if text else 1
-            for text in match.group(2, 3, 4)
-        )
+        variable, *texts = statement.expressions
+        values = (self._evaluator.node(parse_expression(text.strip())) for text in texts)
+        first, last, step = (*values, 1)[:3]
         if UNKNOWN in (first, last, step) or not step:
             text = "the range of FOR is not known: run once"
             self._unsure(text, f"FOR {statement.text}", run, index, run.flow.end[index])
             run.limits[index] = (float("-inf"), 1.0)
             return None
-        self._assign(parse_expression(match.group(1).strip()), first)
+        self._assign(parse_expression(variable.strip()), first)
         run.limits[index] = (last, step)
         inside = first <= last if step > 0 else first >= last
         return None if inside else run.flow.end[index] + 1
@@ -163,10 +157,9 @@ class ControlFlow:
         start = run.flow.start[index]
         last, step = run.limits[start]
         head = run.routine.statements[start]
-        match = _FOR.match(head.text) if isinstance(head, Control) else None
-        if match is None:
+        if not (isinstance(head, Control) and head.expressions):
             return None
-        variable = parse_expression(match.group(1).strip())
+        variable = parse_expression(head.expressions[0].strip())
         value = self._evaluator.node(variable)
         if value is UNKNOWN:
             return None

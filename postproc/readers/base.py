@@ -35,6 +35,8 @@ RADIUS_GAP = 0.02 * MM
 """How far [m] the radii of an arc at start, at end and as written may differ: rounding of files,"""
 _RELATIVE_GAP = 1e-4
 """and more by this share of the radius."""
+DEFAULT_CLEARANCE = 2.0 * MM
+"""Height [m] above a hole where the feed starts if the file does not say."""
 CYCLE_WORDS = (
     "depth", "clearance", "retract", "peck", "peck_first", "dwell", "feed", "shift", "-",
 )  # fmt: skip

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterable, Iterator
 from itertools import chain
 from typing import Any
 
 from postproc.krl import text as krl
-
-_FOR = re.compile(r"(.+?)=(.+?)\bTO\b(.+?)(?:\bSTEP\b(.+))?$", re.IGNORECASE)
-
 
 NAMELESS = frozenset({float, int, bool, krl.Pose, krl.Axes, type(None)})
 """Values without a name in them."""
@@ -41,20 +37,8 @@ _PARTS: dict[type, Callable[[Any], _Parts]] = {
     krl.WaitFor: lambda s: ((), (s.condition,)),
     krl.Trigger: lambda s: ((s.where, s.delay_ms, s.priority), ()),
     krl.Interrupt: lambda s: ((s.number,), (s.condition,) if s.condition else ()),
-    krl.Control: lambda s: ((), _control_texts(s)),
+    krl.Control: lambda s: ((), s.expressions),
 }
-
-
-def _control_texts(statement: krl.Control) -> tuple[str, ...]:
-    text = statement.text.strip()
-    if statement.word == "IF":
-        return (re.sub(r"\bTHEN\s*$", "", text, flags=re.IGNORECASE),)
-    if statement.word in ("WHILE", "UNTIL", "SWITCH", "RETURN") and text:
-        return (text,)
-    if statement.word == "FOR":
-        found = _FOR.match(text)
-        return tuple(part for part in found.groups() if part) if found else ()
-    return ()
 
 
 def nodes_of(statement: krl.Statement, mark: str) -> Iterable[krl.Node]:

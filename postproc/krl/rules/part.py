@@ -13,7 +13,7 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray
 from postproc.errors import Severity
 from postproc.krl import text as krl
-from postproc.krl.rules.values import PLAIN
+from postproc.krl.rules.values import PLAIN, POINTS
 from postproc.records import record
 
 if TYPE_CHECKING:
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 _S = TypeVar("_S", bound=krl.Statement)
 _TEXTS = frozenset({krl.Comment, krl.Blank, krl.FoldBegin, krl.FoldEnd})
 """Lines for people."""
-_LITERAL_TARGETS = frozenset({krl.Pose, krl.Axes})
 
 
 @record(frozen=True, slots=True)
@@ -94,9 +93,7 @@ class Part:
             self._places[kind].append(index)
         moves = self.of(krl.Move)
         targets = [
-            move.target
-            if type(move.target) in _LITERAL_TARGETS
-            else point(move.target, self.module)
+            move.target if type(move.target) in POINTS else point(move.target, self.module)
             for move in moves
         ]
         self.steps = tuple(map(Step, self._places[krl.Move], moves, targets))  # type: ignore[arg-type]
@@ -250,7 +247,7 @@ def _different(telling: Sequence[tuple[krl.Statement, int]]) -> Iterator[krl.Sta
 
 def _is_plain(move: krl.Move) -> bool:
     """Whether a motion goes to a literal, and that is all it says."""
-    return type(move.target) in _LITERAL_TARGETS and move.auxiliary is None and not move.settings
+    return type(move.target) in POINTS and move.auxiliary is None and not move.settings
 
 
 def _path_speeds(part: Part) -> FloatArray:

@@ -14,7 +14,7 @@ from postproc.records import record
 
 PLAIN = frozenset({float, int, bool})
 """Kinds of plain numbers and truths."""
-_POINTS = frozenset({krl.Pose, krl.Axes})
+POINTS = frozenset({krl.Pose, krl.Axes})
 
 
 Written: TypeAlias = tuple[str, int, krl.Value, str]
@@ -36,7 +36,7 @@ class Points:
 
 def points_among(written: Sequence[Written]) -> Points:
     """Return the points among values."""
-    place = [row for row, item in enumerate(written) if type(item[2]) in _POINTS]
+    place = [row for row, item in enumerate(written) if type(item[2]) in POINTS]
     points: list[Any] = [written[row][2] for row in place]
     more = [
         bool(p.external) or (type(p) is krl.Pose and (p.status is not None or p.turn is not None))

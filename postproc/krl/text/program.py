@@ -11,6 +11,7 @@ Two statements are equal when they say the same: the source line does not count.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import field
 from enum import StrEnum
@@ -19,6 +20,9 @@ from typing import TypeAlias
 from postproc.errors import Finding
 from postproc.krl.text.source import TextFacts
 from postproc.records import record
+
+_RANGE = re.compile(r"(.+?)=(.+?)\bTO\b(.+?)(?:\bSTEP\b(.+))?$", re.IGNORECASE)
+_THEN = re.compile(r"\bTHEN\s*$", re.IGNORECASE)
 
 # --------------------------------------------------------------------------------------- values
 
@@ -288,6 +292,18 @@ class Control(Statement):
 
     word: str
     text: str = ""
+
+    @property
+    def expressions(self) -> tuple[str, ...]:
+        """Its condition or value; of FOR the variable, the first, the last value and the step."""
+        text = self.text.strip()
+        if self.word == "IF":
+            return (_THEN.sub("", text),)
+        if self.word == "FOR":
+            found = _RANGE.match(text)
+            return tuple(part for part in found.groups() if part) if found else ()
+        is_one = self.word in ("WHILE", "UNTIL", "SWITCH", "RETURN") and text
+        return (text,) if is_one else ()
 
 
 @record(frozen=True, slots=True)

@@ -12,7 +12,6 @@ from postproc.model import ORIENT, Cycle, CycleKind, WordClass
 from postproc.readers.apt.cycletext import Found, is_catia_order, is_hsm_order, parameters
 from postproc.readers.apt.dialect import CycleGrammar, CycleRule
 from postproc.readers.apt.heights import (
-    DEFAULT_CLEARANCE,
     LEFT,
     READINGS,
     ByTurns,
@@ -21,6 +20,7 @@ from postproc.readers.apt.heights import (
 )
 from postproc.readers.apt.state import AptState
 from postproc.readers.apt.statement import Statement, bounded
+from postproc.readers.base import DEFAULT_CLEARANCE
 
 NAN = nan
 

@@ -16,8 +16,6 @@ from postproc.readers.apt.dialect import Clear, CycleRule
 from postproc.records import dataclass
 from postproc.units import MM, MM_PER_MIN
 
-DEFAULT_CLEARANCE = 2.0 * MM
-"""Height [m] above the hole where the feed starts if the file does not say."""
 READINGS = "--dialect NAME of the seat, or --cycle-words with the order of the numbers"
 """Options that settle a reading."""
 _HIGH = 100.0 * MM

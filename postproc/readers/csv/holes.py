@@ -6,12 +6,11 @@ import numpy as np
 
 from postproc.arrays import NONE, FloatArray, IndexArray, IntArray
 from postproc.model import Cycle, CycleKind, MotionKind
+from postproc.readers.base import DEFAULT_CLEARANCE
 from postproc.readers.csv.quantities import Columns
 from postproc.readers.text import Faults
 from postproc.units import MM
 
-DEFAULT_CLEARANCE = 2.0 * MM
-"""Height [m] above a hole where the feed starts, without a column for it."""
 DEFAULT_RETRACT = 10.0 * MM
 """Height [m] above a hole where the tool ends, without a column for it."""
 _SHOWN = 20
