@@ -78,17 +78,17 @@ class Source:
         self.kinds.add(kind)
 
     def _lint(self, call, tree):
-        """Take ``subject.add(row, severity, ...)``; a row that is a name has the numbers set."""
-        if not (isinstance(call.func, ast.Attribute) and call.func.attr == "add"):
-            return
-        if len(call.args) < 3:
-            return  # that of a set
+        """Take ``subject.add(row, severity, ...)`` and ``part.error(row, ...)``, ``part.warn``.
+
+        A row that is a name has the numbers set.
+        """
+        name = call.func.attr if isinstance(call.func, ast.Attribute) else ""
+        if name not in ("add", "error", "warn") or len(call.args) < 3:
+            return  # add of two: that of a set
         row, severity = call.args[:2]
-        word = (
-            severity.id.lower()
-            if isinstance(severity, ast.Name) and severity.id.isupper()
-            else None
-        )
+        is_told = isinstance(severity, ast.Name) and severity.id.isupper()
+        word = severity.id.lower() if is_told else None
+        word = {"error": "error", "warn": "warning"}.get(name, word)
         for number in numbers(row, tree):
             self._note(f"{LINT}{number:02d}", None, word)
 
