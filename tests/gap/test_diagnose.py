@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from postproc.gap.answers.diagnose import diagnose
 from postproc.gap.answers.document import document, model_file
 from postproc.gap.answers.predict import predict
-from postproc.gap.effect import EFFECTS
 from postproc.gap.fit.problem import pose_problem
 from postproc.geometry.frames import apply, rotation_from_abc, transform
 from postproc.measurement.file import read_measurements
@@ -116,14 +113,6 @@ def test_an_unknown_column_is_found(campaign, kinematics, cell, world, tmp_path)
         if not found or set(diagnosis.adopted) - FRAMES != set(cause):
             missed.append((cause, size, diagnosis.verdict, diagnosis.adopted, diagnosis.tests[:2]))
     assert not missed
-
-
-def test_poses_yet_to_be_measured_lack_the_columns_that_no_effect_knows(samples):
-    windup = dict(EFFECTS)["friction_windup"]
-    usual = replace(samples, extra={"humidity": np.full(len(samples), 50.0)})
-    setting = {"columns": {"humidity": (50.0, 10.0)}}
-    expected = windup.basis(usual, setting).joint
-    np.testing.assert_array_equal(windup.basis(samples, setting).joint, expected)
 
 
 def test_registration_of_a_tracker_that_stands_anywhere(campaign, kinematics, cell, tmp_path):

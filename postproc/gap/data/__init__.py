@@ -6,17 +6,13 @@ from postproc.gap.data.dataset import (
     Samples,
     column_functions,
     columns_of,
-    make_samples,
-    samples_of,
-)
-from postproc.gap.data.designs import Designs, designs
-from postproc.gap.data.loads import (
-    carried_torque,
     first_moment_torque,
     load_moment,
+    make_samples,
+    samples_of,
     weight_moment,
     weight_torque,
 )
 from postproc.gap.data.reference import reference_of
 from postproc.gap.data.seen import Seen, seen_by
-from postproc.gap.data.split import Split, split
+from postproc.gap.data.split import Designs, Split, designs, split

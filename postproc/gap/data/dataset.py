@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import field, replace
 from typing import Any
 
@@ -311,3 +311,46 @@ def column_functions(values: ArrayLike) -> FloatArray:
         return nothing
     functions = np.eye(len(labels))[index][:, 1:]
     return np.asarray(functions - functions.mean(axis=0))
+
+
+def weight_torque(samples: Samples) -> FloatArray:
+    """Return (n, 6) torque of the links' weight on the joints [N*m]."""
+    reference, mass = samples.arm.reference, samples.arm.reference.link_mass
+    moment = np.zeros((len(samples), 6, 3))
+    for link in range(6):
+        com = apply(samples.frames[:, link + 1], reference.link_com[link])
+        moment[:, : link + 1] += mass[link] * com[:, None]
+    carried = np.cumsum(mass[::-1])[::-1]
+    moment -= carried[:, None] * samples.frames[:, 1:, :3, 3]
+    torque = np.einsum("nij,nji->nj", samples.axes, moment @ skew(reference.gravity))
+    return np.asarray(torque)
+
+
+def first_moment_torque(samples: Samples, R: FloatArray, link: int) -> FloatArray:
+    """Return (n, 6, 3) torque on the joints of a first moment of mass along x, y, z of R [m/s^2].
+
+    Args:
+        samples: rows.
+        R: (n, 3, 3) axes of the moment, in robroot.
+        link: 1..6, the link that carries the mass.
+    """
+    pull = np.swapaxes(R, 1, 2) @ skew(samples.arm.reference.gravity)
+    torque = np.swapaxes(samples.axes, 1, 2) @ np.swapaxes(pull, 1, 2)
+    torque[:, link:] = 0.0
+    return np.asarray(torque)
+
+
+def load_moment(samples: Samples, at: FloatArray) -> FloatArray:
+    """Return (n, 3) moment of the outside wrench about points (n, 3), robroot [N*m]."""
+    wrench = samples.column("wrench")
+    return np.asarray(np.cross(samples.load_point - at, wrench[:, :3]) + wrench[:, 3:])
+
+
+def weight_moment(samples: Samples, at: FloatArray, links: Iterable[int]) -> FloatArray:
+    """Return (n, 3) moment about points (n, 3) of the weight of some links [N*m]."""
+    reference = samples.arm.reference
+    moment = np.zeros((len(samples), 3))
+    for link in links:
+        com = apply(samples.frames[:, link], reference.link_com[link - 1])
+        moment += (com - at) @ skew(reference.link_mass[link - 1] * reference.gravity)
+    return moment

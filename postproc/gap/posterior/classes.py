@@ -24,8 +24,6 @@ _FORMULAS = {
     ("joint", "twice per turn"),
     ("joint", "once per turn, of a bearing"),
     ("load", "proportional"),
-    ("load", "hardening"),
-    ("load", "changes over the place"),
     ("approach", "constant"),
     ("speed", "proportional"),
     ("temperature", "proportional"),
