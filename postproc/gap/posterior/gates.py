@@ -24,8 +24,7 @@ from postproc.gap.posterior.classes import LOUD, Part, groups_of, wandering
 from postproc.gap.posterior.evidence import Optimum, held_out, left_out, optimum
 from postproc.gap.posterior.likelihood import row_roots
 from postproc.gap.posterior.names import Name, names_of, unique_part
-from postproc.gap.posterior.prior import Candidate, Sort, of_group
-from postproc.gap.posterior.products import Equations
+from postproc.gap.posterior.prior import Candidate, Equations, Sort, of_group
 from postproc.gap.posterior.residual import Dependence, dependences
 from postproc.gap.posterior.search import Subset, climbed, explored, search
 from postproc.records import dataclass
@@ -206,7 +205,7 @@ def _left(
         [np.zeros((len(rest), 3, 0)), *(of.candidate(k).X for k in alone.keys)], axis=2
     )
     context = Projection(X * alone.deviation, of.at.z, weight)
-    tests = dependences(of.at.samples, rest, weight, context)
+    tests = dependences(of.at.samples, rest, weight, context, alone.free)
     parts = wandering(of.level, _classes_of(of, alone, noise))
     size = of.level.white if any(of.candidate(k).sort is Sort.WANDER for k in kept) else 0.0
     sigma = size if size > 0.0 else noise

@@ -1,25 +1,24 @@
 """What is left after the fit: is it noise, and if not, what does it depend on.
 
 Every test asks whether the residual follows smooth functions of one column, as a shift in space
-or as a turn of a joint, and compares with the same residual under random permutations of the rows.
+or as a turn of a joint, by more than as many functions of anything would take of white noise.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from math import erfc, sqrt
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, Rows
+from postproc.arrays import BoolArray, FloatArray
 from postproc.gap.data import Samples, column_functions
 from postproc.gap.fit import Projection
 from postproc.records import dataclass
 
-_PERMUTATIONS = 199
-_SEED = 7
 _NEAREST = 4
 """Neighbours of a pose that its residual is held against."""
+_LEAST = 1e-12
+"""Probability below which none is told."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +40,7 @@ def dependences(
     residual: FloatArray,
     weight: FloatArray,
     context: Projection,
+    free: float,
 ) -> tuple[Dependence, ...]:
     """Return the tests of every condition, clearest first.
 
@@ -49,16 +49,14 @@ def dependences(
         residual: (n, 3) [m] of the final fit.
         weight: (n,) 1/sigma [1/m], 0 for rows left out.
         context: blocks of the fit; what they can imitate is taken out of the test functions.
+        free: degrees of freedom of the residual.
     """
-    use = weight > 0
-    rng = np.random.default_rng(_SEED)
-    permutations = [rng.permutation(int(use.sum())) for _ in range(_PERMUTATIONS)]
     found, poses = [], _of_pose(samples)
     for name, functions in (poses | _of_columns(samples)).items():
-        test = _test(samples, residual, weight, context, functions, permutations)
+        test = _test(samples, residual, weight, context, functions, free)
         if test is not None:
             found.append(Dependence(name, *test, name not in poses))
-    found.append(_neighbours(samples, residual, use, permutations))
+    found.append(_neighbours(samples, residual, weight > 0))
     return tuple(sorted(found, key=lambda d: (d.p_value, -d.rms, d.name)))
 
 
@@ -101,38 +99,32 @@ def _test(
     weight: FloatArray,
     context: Projection,
     functions: FloatArray,
-    permutations: Sequence[Rows],
+    free: float,
 ) -> tuple[float, float] | None:
+    """Return the probability by chance of what the residual follows, and its 3D rms [m]."""
+    from scipy.special import fdtrc
+
     use = weight > 0
     Z = _columns(samples, functions, functions.shape[1] == 6 and _is_per_joint(samples, functions))
     Z = context.residual_of((Z * weight[:, None, None]).reshape(-1, Z.shape[2]))
     Z = Z.reshape(len(samples), 3, -1)[use].reshape(3 * int(use.sum()), -1)
     u, s, _ = np.linalg.svd(Z, full_matrices=False)
     u = u[:, s > 1e-6 * s[0]] if len(s) and s[0] > 0 else u[:, :0]
-    if u.shape[1] == 0 or u.shape[1] > 0.5 * len(u):
+    k = u.shape[1]
+    if k == 0 or k > 0.5 * free:
         return None
-    rest = (residual * weight[:, None])[use]
-    seen = float(np.sum((u.T @ rest.ravel()) ** 2))
-    permuted = np.array([rest[order].ravel() for order in permutations])
-    chance = np.sum((permuted @ u) ** 2, axis=1)
-    p = (1.0 + float(np.sum(chance >= seen))) / (len(permutations) + 1.0)
-    p = min(p, _tail(seen, chance)) if p < 0.02 else p
-    excess = max(seen - float(np.mean(chance)), 0.0)
-    scale = float(np.median(weight[use]))
-    return p, float(np.sqrt(excess / use.sum()) / scale)
+    rest = (residual * weight[:, None])[use].ravel()
+    seen = float(np.sum((u.T @ rest) ** 2))
+    chance = max(float(rest @ rest) - seen, 0.0) / (free - k)
+    p = max(float(fdtrc(k, free - k, seen / k / max(chance, 1e-300))), _LEAST)
+    excess = max(seen - k * chance, 0.0)
+    return p, float(np.sqrt(excess / use.sum()) / np.median(weight[use]))
 
 
 def _is_per_joint(samples: Samples, functions: FloatArray) -> bool:
     return samples.direction is functions or (
         samples.qd is not None and functions.shape == samples.qd.shape
     )
-
-
-def _tail(seen: float, chance: FloatArray) -> float:
-    """Return the tail probability beyond the permuted ones by a normal law of the cube root."""
-    root = np.cbrt(chance)
-    z = (np.cbrt(seen) - float(root.mean())) / (float(root.std()) + 1e-12)
-    return max(0.5 * erfc(z / sqrt(2.0)), 1e-12)
 
 
 def _columns(samples: Samples, functions: FloatArray, per_joint: bool) -> FloatArray:
@@ -148,10 +140,8 @@ def _columns(samples: Samples, functions: FloatArray, per_joint: bool) -> FloatA
     return np.concatenate([shifts, turns], axis=2)
 
 
-def _neighbours(
-    samples: Samples, residual: FloatArray, use: BoolArray, permutations: Sequence[Rows]
-) -> Dependence:
-    """Test whether neighbours in joint space have like residuals (as turns of joints)."""
+def _neighbours(samples: Samples, residual: FloatArray, use: BoolArray) -> Dependence:
+    """Test whether neighbours in joint space have like residuals (Moran 1950, Biometrika 37)."""
     rows = np.flatnonzero(use)
     rest = residual[rows]
     q = samples.q[rows]
@@ -161,15 +151,13 @@ def _neighbours(
     np.fill_diagonal(distance, np.inf)
     distance[distance < 1e-9] = np.inf
     near = np.argpartition(distance, _NEAREST, axis=1)[:, :_NEAREST]
-    mean = rest[near].mean(axis=1)
-    seen = float(np.sum(rest * mean))
-    chance = []
-    for order in permutations:
-        mixed = rest[order]
-        chance.append(float(np.sum(mixed * mixed[near].mean(axis=1))))
-    z = (seen - np.mean(chance)) / (np.std(chance) + 1e-30)
+    W = np.zeros_like(distance)
+    np.put_along_axis(W, near, 1.0 / _NEAREST, axis=1)
+    seen = float(np.sum(rest * (W @ rest)))
+    scatter = rest.T @ rest / len(rows)
+    chance = float(np.sum(scatter**2) * np.sum(W * (W + W.T)))
     return Dependence(
         "neighbouring poses",
-        max(0.5 * erfc(float(z) / sqrt(2.0)), 1e-12),
+        max(0.5 * erfc(seen / sqrt(2.0 * max(chance, 1e-300))), _LEAST),
         float(np.sqrt(max(seen, 0.0) / len(rows))),
     )
