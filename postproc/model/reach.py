@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.records import dataclass
 from postproc.units import DEG, MM
 
@@ -21,6 +21,8 @@ _SAME = 1.0 * DEG
 _MARGIN = 0.1
 """Share of half the width measured that counts as measured: thirty poses do not reach to the ends
 of what they were drawn from."""
+_OWN = 0.5
+"""Leverage of a pose on the ellipsoid from which it tells more of itself than the others do."""
 _DIGITS = 4
 
 
@@ -58,19 +60,29 @@ class Reach:
     ) -> Reach:
         """Return the reach of poses (n, 6) [rad] that were measured.
 
-        The ellipsoid holds each of them as the others have it.
+        Each pose counts once, however often it was read. The ellipsoid holds each of them as the
+        others have it, where they have it: a pose that tells itself most of where it lies says
+        nothing of any between.
         """
-        low, high = q.min(axis=0), q.max(axis=0)
-        q = np.unique(np.round(q / _SAME) * _SAME, axis=0)
+        low, high, pose = q.min(axis=0), q.max(axis=0), cls.poses(q)
+        q = np.stack([np.bincount(pose, v) for v in q.T], axis=1) / np.bincount(pose)[:, None]
         n, centre = max(len(q), 2), q.mean(axis=0)
         X = q - centre
         floor = _SAME**2 * np.eye(6)
+        root = np.linalg.inv(np.linalg.cholesky(X.T @ X / n + floor))
+        square = np.sum((X @ root.T) ** 2, axis=1)
         others = (X.T @ X - n / (n - 1) * X[:, :, None] * X[:, None, :]) / (n - 1) + floor
         away = n / (n - 1) * X
-        square = np.einsum("ni,ni->n", away, np.linalg.solve(others, away[:, :, None])[:, :, 0])
-        root = np.linalg.inv(np.linalg.cholesky(X.T @ X / n + floor))
+        left_out = np.einsum("ni,ni->n", away, np.linalg.solve(others, away[:, :, None])[:, :, 0])
+        square = np.where((square + 1.0) / n < _OWN, left_out, square)
         most = max(float(np.sqrt(square.max(initial=0.0))), 1.0)
         return cls(left, factor, low, high, centre, root / most, force, spread, moved)
+
+    @staticmethod
+    def poses(q: FloatArray) -> IntArray:
+        """Return which pose 0.. each row (n, 6) [rad] reads: readings of one are no two."""
+        label = np.unique(np.round(q / _SAME), axis=0, return_inverse=True)[1]
+        return label.reshape(len(q)).astype(np.int32)
 
     def beyond(self, q: FloatArray) -> FloatArray:
         """Return how far poses (n, 6) [rad] are outside, over half the width measured; 0 inside."""

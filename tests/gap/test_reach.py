@@ -17,7 +17,7 @@ from postproc.units import DEG
 
 CAMPAIGNS = (
     (91, {}, 60),
-    (92, {"joint_offset": 4e-4}, 40),
+    (92, {"joint_offset": 4e-4}, 60),
     (93, {"backlash": 3e-4}, 150),
     (94, {"gravity_sag": 3e-4, "joint_compliance": 3e-4}, 200),
     (95, {"windup": 3e-4}, 200),  # in no list
@@ -117,4 +117,17 @@ def test_a_table_that_is_wrong_is_refused_by_name(told, tmp_path):
         except DataError as refused:
             if refused.code != "MOD006" or f"reach.{key}" not in refused.message:
                 wrong.append((key, str(refused)))
+    assert not wrong
+
+
+def test_a_pose_counts_once_however_often_it_was_read():
+    """Three poses read 31 times hold nothing between them; sixty hold what sixty do."""
+    rng, wrong = np.random.default_rng(6), []
+    for poses, times, least, most in ((3, 31, 0.0, 0.0), (6, 20, 0.0, 0.1), (60, 5, 0.9, 1.0)):
+        q = rng.uniform(-1.0, 1.0, (poses, 6))
+        again = np.repeat(q, times, axis=0) + rng.normal(0.0, 1e-5, (poses * times, 6))
+        reach = Reach.around(again, 0.0, 1e-4, 2.0, {})
+        share = float(reach.holds(rng.uniform(-1.0, 1.0, (2000, 6)), None).mean())
+        if not reach.holds(again, None).all() or not least <= share <= most:
+            wrong.append((poses, share))
     assert not wrong

@@ -10,18 +10,16 @@ import numpy as np
 
 from postproc.cell import Tool
 from postproc.gap.answers.along import Along, program
-from postproc.gap.answers.certainty import reach_of
 from postproc.gap.answers.diagnose import Diagnosis
 from postproc.gap.answers.kept import Kept
 from postproc.gap.answers.next_pose import NextPose
-from postproc.gap.answers.orientation import orientation
 from postproc.gap.answers.shrinkage import rms
-from postproc.gap.answers.where import where
+from postproc.gap.answers.where import orientation, where
 from postproc.gap.data import Samples
 from postproc.gap.effect import State
 from postproc.gap.fit import moved_by
-from postproc.gap.robot_model import effect_of
-from postproc.model import ModelFile
+from postproc.gap.robot_model import effect_of, spread_of
+from postproc.model import ModelFile, Reach
 from postproc.units import MM
 
 SCHEMA = "postproc.diagnosis/1"
@@ -71,7 +69,7 @@ def document(
         "adopted": list(diagnosis.adopted),
         "serving": list(diagnosis.serving),
         "withheld": list(diagnosis.withheld(accepted)),
-        "shrinkage": _total_shrinkage(diagnosis),
+        "shrinkage": _total_shrinkage(diagnosis, accepted),
         **({"before": promise.entry()} if promise else {}),
         "residual": {
             "rms_mm": _mm(rms(rest)),
@@ -303,8 +301,11 @@ def _probability(diagnosis: Diagnosis, name: str) -> float:
     return round(min(max(own.probability, 0.0), most), 4)
 
 
-def _total_shrinkage(diagnosis: Diagnosis) -> dict[str, Any]:
+def _total_shrinkage(diagnosis: Diagnosis, accepted: Collection[str]) -> dict[str, Any]:
     before, after, low, high = diagnosis.total
+    if diagnosis.withheld() and not diagnosis.withheld(accepted):
+        last = diagnosis.steps[-1]
+        after, (low, high) = last.after, last.interval
     sealed = [_mm(v) for v in diagnosis.sealed] if np.all(np.isfinite(diagnosis.sealed)) else None
     return {
         "rms_before_mm": _mm(before),
@@ -329,3 +330,40 @@ def plain(value: Any) -> Any:  # noqa: ANN401 - a tree of numbers
 
 def _mm(metres: float) -> float:
     return round(metres / MM, 5)
+
+
+_SHARE = 0.95
+_ROUNDING = 1e-9
+_LEAST_LEFT = 0.25
+"""Share of the squared misses of rows left out that is never put down to the numbers alone."""
+
+
+def reach_of(diagnosis: Diagnosis) -> Reach:
+    """Return what a diagnosis says of its own doubt.
+
+    The radius is that which holds 95 % of the rows, each missed by fits without its place and its
+    time (Vovk 2005, conformal prediction): whatever the form of what is left. Readings of one pose
+    share one vote (Dunn et al. 2022, hierarchical conformal prediction); where the poses are too
+    few for a quantile, the largest ratio is widened as Student has it.
+    """
+    from scipy.special import ndtri, stdtrit
+
+    problem, kept = diagnosis.problem, diagnosis.kept
+    samples = problem.samples.rows(np.flatnonzero(kept))
+    pose = Reach.poses(samples.q)
+    vote = 1.0 / np.bincount(pose)[pose]
+    poses = int(pose.max()) + 1
+    missed = diagnosis.held[:, 1]
+    spread = spread_of(diagnosis.spread, samples, diagnosis.fit.states, problem.settings)
+    square = float(np.average(missed**2, weights=vote))
+    known = float(np.average(spread**2, weights=vote))
+    left = float(np.sqrt(max(square - known, _LEAST_LEFT * square)))
+    ratio = missed / np.hypot(left, spread)
+    order = np.argsort(ratio, kind="stable")
+    holds = np.cumsum(vote[order]) >= _SHARE * (poses + 1) - _ROUNDING
+    factor = float(ratio[order][np.argmax(holds) if holds.any() else -1])
+    if not holds.any():
+        factor *= float(stdtrit(max(poses - 1, 1), 0.5 + 0.5 * _SHARE) / ndtri(0.5 + 0.5 * _SHARE))
+    wrench = samples.wrench
+    force = 0.0 if wrench is None else float(np.linalg.norm(wrench[:, :3], axis=1).max())
+    return Reach.around(samples.q, force, left, factor, diagnosis.spread, diagnosis.total[0])
