@@ -20,8 +20,7 @@ from postproc.gap.posterior.classes import groups_of
 from postproc.gap.posterior.evidence import NoisePrior, Optimum, left_out, optimum
 from postproc.gap.posterior.gates import Judged
 from postproc.gap.posterior.likelihood import Linearised, row_roots, student
-from postproc.gap.posterior.prior import Candidate, Sort, of_effect, of_group, wander
-from postproc.gap.posterior.products import Equations
+from postproc.gap.posterior.prior import Candidate, Equations, Sort, of_effect, of_group, wander
 from postproc.gap.posterior.search import Subset
 from postproc.gap.robot_model import evaluate
 from postproc.measurement import robust_sigma
@@ -93,9 +92,10 @@ class Named:
         square = [self.missed(parted, names) ** 2 for parted in (self.place, self.time)]
         return np.asarray(np.sqrt(np.mean(square, axis=0)))
 
-    def sealed(self) -> FloatArray:
+    def sealed(self, names: Collection[str] | None = None) -> FloatArray:
         """Return how far each sealed row (n,) is missed [m] by a fit without any of them."""
-        return self.missed(self.tangent.parted(self.problem.split.sealed.astype(np.int32)))
+        parted = self.tangent.parted(self.problem.split.sealed.astype(np.int32))
+        return self.missed(parted, names)
 
     def missed(self, parted: Parted, names: Collection[str] | None = None) -> FloatArray:
         """Return how far each row (n,) is missed [m] by the fit without the rows of its label."""
@@ -112,7 +112,8 @@ class Named:
         neighbouring poses (Efron 1982): a formula that is not exact gives other numbers in another
         corner of the workspace.
         """
-        apart, slices = self._jackknife, self.tangent.slices
+        apart = _jackknife(self.place.numbers(self.full.slices)) @ self.tangent.root.T
+        slices = self.tangent.slices
         scatter = np.sqrt(np.sum(apart**2, axis=0))
         own = {name: self.full.deviation(name) for name in self.full.slices}
         if len(apart) < 3:
@@ -123,21 +124,22 @@ class Named:
     def spread(self) -> dict[str, FloatArray]:
         """How the numbers may be wrong together: by effect (d, p), in usual sizes.
 
-        The widest directions of what noise leaves open and of the jackknife, as in
-        ``deviations``.
+        The directions of what noise leaves open and of the jackknife, as in ``deviations``, that
+        move the tool most over the poses measured.
         """
-        of, apart = self.tangent, self._jackknife
+        of, apart = self.tangent, _jackknife(self.place.numbers(self.full.slices))
         inverse = np.linalg.inv(self.place.H.sum(axis=0) + np.eye(len(of.u)))
-        covariance = of.root @ inverse @ of.root.T + apart.T @ apart
-        values, axes = np.linalg.eigh(covariance / np.outer(of.size, of.size))
-        widest = np.sqrt(np.maximum(values[-_DIRECTIONS:], 0.0))[:, None] * axes.T[-_DIRECTIONS:]
+        root = np.linalg.cholesky(inverse + apart.T @ apart)
+        moved = (of.X @ root).reshape(-1, len(root))
+        axes = np.linalg.eigh(moved.T @ moved)[1][:, -_DIRECTIONS:]
+        widest = (of.root @ root @ axes).T / of.size
         return {name: widest[:, part] for name, part in of.slices.items()}
 
-    @property
-    def _jackknife(self) -> FloatArray:
-        """Deviations (k, p) whose squares sum to the delete-a-group variance, SI."""
-        by = self.place.numbers(self.full.slices) @ self.tangent.root.T
-        return np.asarray((by - by.mean(axis=0)) * np.sqrt((len(by) - 1) / len(by)))
+
+def _jackknife(numbers: FloatArray) -> FloatArray:
+    """Return deviations (k, p) whose squares sum to the delete-a-group variance."""
+    centred = numbers - numbers.mean(axis=0)
+    return np.asarray(centred * np.sqrt((len(numbers) - 1) / len(numbers)))
 
 
 def frames_of(problem: Problem) -> dict[str, Free]:
