@@ -9,8 +9,10 @@ how much of that is a slow wander of the measuring device.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.gap.data import Samples, column_functions
@@ -99,7 +101,8 @@ def revisits(samples: Samples, y: FloatArray, usable: BoolArray, unit: IntArray)
 
     Readings from the same side, under the same load and at the same speed count alone where there
     are enough of them: nothing but the temperature has to be regressed out. Readings under
-    different loads are no repeats at all: how a pose gives under a load is what is sought. What
+    different loads, or of different labels (a tool, a fixture), are no repeats at all: how a pose
+    gives under a load, or what a tool is off by, is what is sought. What
     earlier loads have left, and what follows a column that no effect knows, is regressed out where
     that clearly explains the scatter: it looks like a drift of the measuring device, or like noise.
 
@@ -110,6 +113,7 @@ def revisits(samples: Samples, y: FloatArray, usable: BoolArray, unit: IntArray)
         unit: (n,) set-up of the measuring device: rows of others are no repeats.
     """
     bare = replace(samples, past=None, extra={})
+    unit = _labelled(samples, unit)
     found = _revisits(bare, y, usable, unit)
     more = [replace(bare, past=samples.past)] if _is_any(samples.past) else []
     more += [replace(bare, extra={name: column}) for name, column in samples.extra.items()]
@@ -120,6 +124,16 @@ def revisits(samples: Samples, y: FloatArray, usable: BoolArray, unit: IntArray)
         scatter = [np.hypot(r.white, r.wander) for r in (held, found)]
         found = held if scatter[0] < _CLEARLY * scatter[1] else found
     return found
+
+
+def _labelled(samples: Samples, unit: IntArray) -> IntArray:
+    """Return set-ups (n,), parted further by the columns that hold labels."""
+    parts: list[NDArray[Any]] = [unit]
+    for values in samples.extra.values():
+        functions = column_functions(values)
+        if np.asarray(values).dtype.kind not in "fiu" and functions.size:
+            parts.append(np.unique(values, return_inverse=True)[1].ravel())
+    return np.unique(np.stack(parts), axis=1, return_inverse=True)[1].ravel().astype(np.int32)
 
 
 def _is_any(values: FloatArray | None) -> bool:
@@ -171,7 +185,8 @@ def _scatter(
         # a fault pulls at the mean of its pose: the worst row of each goes first
         worst = length >= _largest(length, group)
         bad = worst & (length > _FAULT * max(spread, 1e-9))
-        if not bad.any() or np.mean(~keep | bad) > _MOST_FAULTS:
+        # of a pose one reading is the fault, whichever it is that the mean lies between
+        if not bad.any() or len(np.unique(group[~keep | bad])) > _MOST_FAULTS * len(rows):
             break
         keep &= ~bad
     rows, group, rest = rows[keep], group[keep], rest[keep]
