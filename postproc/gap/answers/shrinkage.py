@@ -18,8 +18,6 @@ from postproc.records import dataclass
 
 NEW_POSES = 60
 """New poses that the interval of a shrinkage is told for: a campaign."""
-_DRAWS = 400
-_SEED = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,9 +37,9 @@ class Step:
 class Apart:
     """A choice on rows that were left out, once, when everything else is decided.
 
-    steps: the adopted effects, most helpful first; total: 3D rms [m] before and after all of them,
-    and the 90 % interval of the shrinkage; sealed: the same two of the sealed rows, by fits without
-    any of them, NaN without such; last: fit of all rows; baseline: (n, 3) points
+    steps: the adopted effects, most helpful first; total: 3D rms [m] before and after all that the
+    model holds, and the 90 % interval of the shrinkage; sealed: the same two of the sealed rows, by
+    fits without any of them, NaN without such; last: fit of all rows; baseline: (n, 3) points
     without effects [m]; held: (k, 2) by how much each row that counts is missed, before and after.
     """
 
@@ -87,21 +85,26 @@ class Apart:
         judged, problem = served.judged, served.judged.posterior.problem
         split, names = problem.split, [name.name for name in _ordered(judged)]
         last = Named.of(problem, served.free(), served.at.sigma, thinned(kept), served.beside)
-        before, after = bare.held()[kept], last.held()[kept]
+        gone = {name.name for name in judged.adopted if name.is_withheld}
+        written = [name for name in last.full.slices if name not in gone]
+        before, after = bare.held()[kept], last.held(written)[kept]
         each = [before, *(last.held(names[: k + 1])[kept] for k in range(len(names)))]
 
         def interval(before: FloatArray, after: FloatArray) -> tuple[float, float]:
-            return shrink_interval(before, after, split.cluster[kept], split.stretch[kept])
+            labels = (split.cluster, split.fold, split.stretch)
+            return shrink_interval(before, after, *(label[kept] for label in labels))
 
         here = split.sealed & kept
-        is_told = bool(np.any(here)) and not np.all(split.sealed)
+        sealed = (np.nan, np.nan)
+        if np.any(here) and not np.all(split.sealed):
+            sealed = (rms(bare.sealed()[here]), rms(last.sealed(written)[here]))
         return cls(
             tuple(
                 Step(name, rms(one), rms(more), interval(one, more))
                 for name, one, more in zip(names, each, each[1:], strict=False)
             ),
             (rms(before), rms(after), *interval(before, after)),
-            (rms(bare.sealed()[here]), rms(last.sealed()[here])) if is_told else (np.nan, np.nan),
+            sealed,
             last,
             bare.fit.point,
             np.stack([before, after], axis=1),
@@ -122,35 +125,43 @@ def _ordered(judged: Judged) -> list[Name]:
 
 
 def shrink_interval(
-    before: FloatArray, after: FloatArray, cluster: IntArray, stretch: IntArray
+    before: FloatArray, after: FloatArray, cluster: IntArray, region: IntArray, stretch: IntArray
 ) -> tuple[float, float]:
     """Return the 90 % interval of the shrinkage on ``NEW_POSES`` new poses of the same kind.
 
-    The logarithm of what remains scatters from place to place (clusters of poses are drawn anew)
-    and from one time to another (each stretch is left out in turn); the larger counts. So do new
-    poses.
+    The logarithm of what remains scatters from place to place and from one time to another (each
+    cluster of poses, each stretch is left out in turn); the larger counts, and so do new poses.
+    Regions that differ by more than their clusters do have something of their own, and new poses
+    are in one more.
 
     Args:
         before: (n,) distances without the effects [m].
         after: (n,) with them [m].
         cluster: (n,) cluster of each row.
+        region: (n,) of neighbouring clusters.
         stretch: (n,) of rows that follow each other.
     """
     from scipy.special import stdtrit
 
-    places, times = _sums(before, after, cluster), _sums(before, after, stretch)
-    k = len(places)
-    if k < 2:
+    places, regions, times = (_sums(before, after, k) for k in (cluster, region, stretch))
+    if len(places) < 2:
         return 0.0, 0.0
-    draws = np.random.default_rng(_SEED).multinomial(k, np.full(k, 1.0 / k), _DRAWS)
-    scatter = float(np.std(_log_left(draws @ places)))
-    if len(times) > 1:
-        each = _log_left(np.sum(times, axis=0) - times)
-        share = (len(times) - 1) / len(times)
-        scatter = max(scatter, float(np.sqrt(share * np.sum((each - each.mean()) ** 2))))
+    own, k = 0.0, len(regions)
+    if 1 < k < len(places):
+        # what regions differ by is in the scatter of their clusters, too
+        apart = float(np.var(_log_left(regions), ddof=1)) - k * _variance(places)
+        own = max(apart, 0.0) / (1.0 - k / len(places)) * (1.0 + 1.0 / k)
     here = float(_log_left(np.sum(places, axis=0)))
-    reach = scatter * float(np.sqrt(1.0 + len(before) / NEW_POSES) * stdtrit(k - 1, 0.95))
+    scatter = max(_variance(places), _variance(times)) * (1.0 + len(before) / NEW_POSES)
+    freedom = (k if k > 1 else len(places)) - 1
+    reach = float(np.sqrt(own + scatter) * stdtrit(freedom, 0.95))
     return 1.0 - float(np.exp(here + reach)), 1.0 - float(np.exp(here - reach))
+
+
+def _variance(sums: FloatArray) -> float:
+    """Return the variance of the logarithm of what remains, each of some parts left out in turn."""
+    each, k = _log_left(np.sum(sums, axis=0) - sums), len(sums)
+    return (k - 1) / k * float(np.sum((each - each.mean()) ** 2)) if k > 1 else 0.0
 
 
 def _sums(before: FloatArray, after: FloatArray, label: IntArray) -> FloatArray:

@@ -41,6 +41,11 @@ class Name:
     is_instruments: bool = False
 
     @property
+    def is_withheld(self) -> bool:
+        """Whether no model holds it unasked: the measuring device may have caused the same."""
+        return self.is_instruments and self.effect.is_arms
+
+    @property
     def effect(self) -> Effect:
         """The effect."""
         return effect_of(self.name)
