@@ -32,5 +32,11 @@ from postproc.gap.answers import (
 from postproc.gap.data import Arm, Samples, make_samples
 from postproc.gap.effect import EFFECTS, Basis, Effect, Kind, Parameter, Setting, State, register
 from postproc.gap.fit import pose_problem
-from postproc.gap.joint_stiffness import stiffness_of, stiffness_tables
-from postproc.gap.robot_model import RobotModel, act, columns, effect_of
+from postproc.gap.robot_model import (
+    RobotModel,
+    act,
+    columns,
+    effect_of,
+    stiffness_of,
+    stiffness_tables,
+)

@@ -16,12 +16,13 @@ from postproc.arrays import BoolArray, FloatArray
 from postproc.cell import Cell
 from postproc.errors import DataError
 from postproc.gap.data import Arm, Samples, make_samples, reference_of
-from postproc.gap.effect import EFFECTS, Basis, Effect, Setting, State
+from postproc.gap.effect import EFFECTS, Basis, Effect, Setting, State, Table
 from postproc.geometry import apply, inverse, rotation_from_vector, skew
 from postproc.kinematics import Kinematics
 from postproc.measurement import tool_points
 from postproc.model import ModelFile, Reach, Registration
 from postproc.records import dataclass
+from postproc.stiffness import Locate, StiffnessField
 
 _FIXED_POINT_STEPS = 8
 """Each step shrinks the error by the deflection over the arm's length, 1e-3 to 1e-2."""
@@ -310,3 +311,37 @@ def _effect_in(model: ModelFile, name: str) -> Effect:
         return effect_of(name)
     except DataError as problem:
         raise DataError(problem.code, problem.message, model.source(name)) from None
+
+
+def stiffness_of(
+    model: ModelFile, k_fallback: FloatArray | None = None, locate: Locate | None = None
+) -> StiffnessField | None:
+    """Return the joint stiffness of a model, None where it knows none.
+
+    Where two effects give one, that counts which refines the other.
+
+    Args:
+        model: with tables of effects.
+        k_fallback: (6,) [N*m/rad] for joints that the data could not see; None: rigid.
+        locate: joint angles to tool points, for a field over space.
+
+    Raises:
+        DataError: MOD004 to MOD006 for wrong tables, with the line.
+    """
+    known = [effect for name, effect in EFFECTS if name in model.effects]
+    for effect in sorted(known, key=lambda e: -len(e.refines)):
+        field = effect.stiffness(model, locate)
+        if field is not None:
+            return field.with_fallback(k_fallback)
+    return None
+
+
+def stiffness_tables(field: StiffnessField, c_mean: FloatArray) -> dict[str, Table]:
+    """Return the effects' tables that hold an identified stiffness.
+
+    Args:
+        field: the stiffness.
+        c_mean: (6,) its constant part, NaN for a joint not seen [rad/(N*m)].
+    """
+    tables = {name: effect.stiffness_table(field, c_mean) for name, effect in EFFECTS}
+    return {name: table for name, table in tables.items() if table is not None}

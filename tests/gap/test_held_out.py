@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from postproc.gap.posterior.evidence import Optimum, held_out, left_out
-from postproc.gap.posterior.products import Equations
+from postproc.gap.posterior.prior import Equations
 
 SIGMA, LOADED = 1e-5, 1
 """Noise [m] of a good tracker, and the label of the only rows that see the last number."""

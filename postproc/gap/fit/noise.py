@@ -160,3 +160,53 @@ def gross_faults(y: FloatArray) -> BoolArray:
     """Return the rows (n,) whose gap (n, 3) [m] is of another order than that of most."""
     away = np.linalg.norm(y, axis=1)
     return np.asarray(away > max(_FAR, _FARTHER * float(np.median(away))))
+
+
+_KNOTS = 24
+"""Most knots of the wander at a station."""
+_SCALES = (0.02, 0.06, 0.2)
+"""Correlation times tried, over the length of the campaign."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wander:
+    """A wander of unit size: its name, columns (n, 3, k) [m], correlation time [s]."""
+
+    key: str
+    X: FloatArray
+    scale: float
+
+
+def wanders(samples: Samples, unit: IntArray) -> tuple[Wander, ...]:
+    """Return the wanders that readings may have: first-order processes in time as columns.
+
+    Zero mean, exponential correlation, along each axis; between knots straight. How large a wander
+    is, and which of a few correlation times it has, the rows say beside every candidate.
+
+    Args:
+        samples: all rows of a campaign.
+        unit: (n,) set-up of the measuring device; its wander starts anew with each.
+    """
+    time = samples.course
+    if float(np.ptp(time)) <= 0.0:
+        return ()
+    length = max(float(np.ptp(time[unit == u])) for u in np.unique(unit))
+    found = []
+    for share in _SCALES:
+        scale = share * length
+        parts = [_station(time, unit == u, scale) for u in np.unique(unit)]
+        f = np.concatenate(parts, axis=1)
+        X = np.einsum("ij,nk->nijk", np.eye(3), f).reshape(len(f), 3, -1)
+        found.append(Wander(f"wander:{share:g}", np.asarray(X), scale))
+    return tuple(found)
+
+
+def _station(time: FloatArray, here: np.ndarray, scale: float) -> FloatArray:
+    """Return (n, k) the wander of one station between knots."""
+    start, end = float(time[here].min()), float(time[here].max())
+    count = int(np.clip(2.0 * (end - start) / scale, 3, _KNOTS))
+    knots = np.linspace(start, max(end, start + 1.0), count)
+    step = knots[1] - knots[0]
+    hat = np.maximum(1.0 - np.abs(time[:, None] - knots) / step, 0.0) * here[:, None]
+    K = np.exp(-np.abs(knots[:, None] - knots) / scale)
+    return np.asarray(hat @ np.linalg.cholesky(K + 1e-9 * np.eye(count)))

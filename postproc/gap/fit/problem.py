@@ -22,9 +22,8 @@ from postproc.gap.data import (
     split,
 )
 from postproc.gap.effect import EFFECTS, Effect, Kind, Setting
-from postproc.gap.fit.load_place import register_loaded
-from postproc.gap.fit.registration import rows_on_the_arm
-from postproc.gap.fit.wander import Wander, wanders
+from postproc.gap.fit.noise import Wander, wanders
+from postproc.gap.fit.registration import register_loaded, rows_on_the_arm
 from postproc.gap.robot_model import RobotModel, States, arm_of, effect_of, evaluate
 from postproc.kinematics import Kinematics
 from postproc.measurement import (

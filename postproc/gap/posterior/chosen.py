@@ -37,8 +37,7 @@ from postproc.gap.posterior.likelihood import (
     row_roots,
     student,
 )
-from postproc.gap.posterior.prior import LOW_ORDER, Candidate, Sort, of_group, wander
-from postproc.gap.posterior.products import Equations
+from postproc.gap.posterior.prior import LOW_ORDER, Candidate, Equations, Sort, of_group, wander
 from postproc.gap.posterior.search import Search, Subset, search
 from postproc.gap.robot_model import effect_of, evaluate
 from postproc.measurement import robust_sigma

@@ -14,8 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from postproc.arrays import FloatArray, IntArray
-from postproc.gap.posterior.prior import Candidate, log_half_cauchy
-from postproc.gap.posterior.products import Equations
+from postproc.gap.posterior.prior import Candidate, Equations, log_half_cauchy
 from postproc.records import dataclass
 
 _STEPS = 25

@@ -16,8 +16,7 @@ from postproc.gap.data import Samples
 from postproc.gap.effect import Effect, Kind, Setting, State
 from postproc.gap.fit import WIDE, Free, Problem, fit, gross_faults
 from postproc.gap.posterior.evidence import NoisePrior, optimum
-from postproc.gap.posterior.prior import Candidate, of_effect
-from postproc.gap.posterior.products import Equations
+from postproc.gap.posterior.prior import Candidate, Equations, of_effect
 from postproc.gap.robot_model import States, columns, effect_of, evaluate
 from postproc.measurement import robust_sigma
 from postproc.records import dataclass
