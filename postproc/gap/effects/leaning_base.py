@@ -18,7 +18,8 @@ class LeaningBase(Effect):
     """The robot root tilts with the overturning moment of arm and load.
 
     It turns about a point somewhere below: the height of that point is two more numbers for the
-    weight and two for the load.
+    weight and two for the load. Without it a wrong
+    link geometry is named.
     """
 
     name = "leaning_base"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.gap.data import Samples, load_moment
+from postproc.gap.data import Samples, load_moment, weight_moment
 from postproc.gap.effect import Basis, Effect, Kind, Parameter, Setting, register
 
 LINKS = (1, 2, 3)
@@ -15,7 +15,8 @@ LINKS = (1, 2, 3)
 class LinkBending(Effect):
     """Each large link has a soft spot in its middle that the moment there turns.
 
-    Bending about a joint's own axis is nearly that joint's compliance.
+    Nine numbers for the outside load and nine for the own weight; bending about a joint's own
+    axis is nearly that joint's compliance. Without it a wrong link geometry is named.
     """
 
     name = "link_bending"
@@ -33,10 +34,10 @@ class LinkBending(Effect):
     def basis(self, samples: Samples, setting: Setting) -> Basis:
         """Turn the rest of the arm at the middle of each link."""
         del setting
-        return Basis(link=_bending(samples))
+        return Basis(link=bending(samples, outside=True))
 
 
-def _bending(samples: Samples) -> FloatArray:
+def bending(samples: Samples, outside: bool) -> FloatArray:
     """Return (n, 7, 6, 9): the turn at the middle of links 1, 2, 3 under the moment there."""
     origins, _, _ = samples.arm.link_constants()
     compliance = float(samples.arm.reference.c_joint[1])
@@ -45,7 +46,9 @@ def _bending(samples: Samples) -> FloatArray:
         middle = 0.5 * origins[k]
         R = samples.frames[:, k, :3, :3]
         at = samples.frames[:, k, :3, 3] + R @ middle
-        moment = load_moment(samples, at)
+        moment = (
+            load_moment(samples, at) if outside else weight_moment(samples, at, range(k + 1, 7))
+        )
         local = np.einsum("nji,nj->ni", R, moment) * compliance
         for axis in range(3):
             turn = np.zeros((len(samples), 3))

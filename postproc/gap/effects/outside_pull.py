@@ -25,7 +25,7 @@ class OutsidePull(Effect):
     """A force on the flange that changes with its place, as of a hose, a cable or a balancer.
 
     Constant part (three numbers) and a linear spring to a place at rest (six), through the joint
-    stiffness of the cell.
+    stiffness of the cell. Without it a pull is explained by link geometry and waves.
     """
 
     name = "outside_pull"

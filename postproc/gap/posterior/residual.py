@@ -90,7 +90,7 @@ def _of_columns(samples: Samples) -> dict[str, FloatArray]:
         if values is not None and np.ptp(values) > 0:
             found[name] = column_functions(values)
     extra = {name: column_functions(values) for name, values in samples.extra.items()}
-    return found | {name: functions for name, functions in extra.items() if functions.size}
+    return {name: functions for name, functions in (found | extra).items() if functions.size}
 
 
 def _test(
