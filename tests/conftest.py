@@ -48,7 +48,7 @@ def _causes_where_they_are_read():
 def batch_here(monkeypatch):
     """Let batches run their jobs in this process, where what they make is the subject."""
     from postproc.batch import run
-    from postproc.batch.worker import run_job
+    from postproc.batch.child import run_job
 
     monkeypatch.setattr(run, "run_local", lambda jobs, *_: map(run_job, jobs))
 

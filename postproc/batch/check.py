@@ -9,12 +9,12 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from postproc.batch.expand import expand
+from postproc.batch.child import JobResult
 from postproc.batch.fingerprint import forget
 from postproc.batch.jobs import Job, uniquely_named
 from postproc.batch.manifest import Manifest
 from postproc.batch.run import BatchOptions, Progress, called, execute, vanished
-from postproc.batch.worker import JobResult
+from postproc.batch.sections import expand
 from postproc.errors import PostprocError
 from postproc.records import dataclass
 

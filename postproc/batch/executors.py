@@ -11,8 +11,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any
 
-from postproc.batch.child import Child, run_in_child
-from postproc.batch.worker import JobResult, died
+from postproc.batch.child import Child, JobResult, died, run_in_child
 from postproc.errors import DataError, PluginError, SourceRef
 from postproc.version import __version__
 

@@ -20,9 +20,9 @@ from typing import Any
 
 from filelock import FileLock, Timeout
 
+from postproc.batch.child import JobResult
 from postproc.batch.fingerprint import UNREADABLE, digest
 from postproc.batch.jobs import source_of
-from postproc.batch.worker import JobResult
 from postproc.emitters import Former, former_parts
 from postproc.errors import DataError, PostprocError, SourceRef
 from postproc.files import leftovers, write_files

@@ -11,8 +11,8 @@ from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
 
+from postproc.batch.child import JobResult
 from postproc.batch.executors import run_dask, run_local
-from postproc.batch.expand import Caller, Work, caller_program, expand
 from postproc.batch.fingerprint import digest, fingerprint, forget
 from postproc.batch.jobs import (
     Job,
@@ -24,8 +24,7 @@ from postproc.batch.jobs import (
     uniquely_named,
 )
 from postproc.batch.manifest import Landing, Manifest, folder_lock
-from postproc.batch.sections import parse_rule
-from postproc.batch.worker import JobResult
+from postproc.batch.sections import Caller, Work, caller_program, expand, parse_rule
 from postproc.errors import PostprocError, UsageError
 from postproc.files import write_files
 from postproc.jobs.convert import ConvertRequest

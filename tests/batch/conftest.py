@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from postproc.batch import run as run_module
-from postproc.batch.worker import run_job
+from postproc.batch.child import run_job
 from postproc.cli.app import run as run_cli
 from tests.cells import FEED, cell_text
 

@@ -3,7 +3,7 @@
 import os
 import time
 
-from postproc.batch.worker import JobResult, attempt
+from postproc.batch.child import JobResult, attempt
 
 
 def misbehave(job):

@@ -10,9 +10,8 @@ import pytest
 
 from postproc.batch import child as child_module
 from postproc.batch import executors
-from postproc.batch.child import run_in_child
+from postproc.batch.child import run_in_child, run_job
 from postproc.batch.jobs import Job
-from postproc.batch.worker import run_job
 from postproc.cli.commands.batch import EVERY, Lines, speed, ticker
 from postproc.cli.common import Session
 from postproc.errors import DataError

@@ -2,8 +2,8 @@
 
 import itertools
 
+from postproc.batch.child import JobResult
 from postproc.batch.manifest import Landing, Manifest
-from postproc.batch.worker import JobResult
 
 FILES = {"a": ["x.src"], "b": ["X.src", "y.src"], "c": ["y.src", "z.src"], "d": ["w.src"]}
 

@@ -7,8 +7,8 @@ import sys
 import pytest
 
 from postproc.batch.check import junit_xml
+from postproc.batch.child import JobResult
 from postproc.batch.manifest import JOURNAL, NAME, Manifest, folder_lock
-from postproc.batch.worker import JobResult
 from postproc.errors import DataError
 
 MARKS = {"input": "1", "cell": "2"}

@@ -9,11 +9,12 @@ from postproc.errors import StiffnessError
 from postproc.geometry.frames import rotation_y
 from postproc.measurement.file import read_measurements
 from postproc.stiffness.sample.measuring import Load, SampleRequest, csv_text
-from postproc.stiffness.sample.optimal import choose, features
 from postproc.stiffness.sample.sampling import (
     SamplingRules,
     axis_parallel,
     box_grid,
+    choose,
+    features,
     grid_tags,
     plan_sampling,
     travel_order,

@@ -11,12 +11,13 @@ from postproc.stiffness.sample.measuring import (
     load_regressors,
     sample_document,
 )
-from postproc.stiffness.sample.optimal import choose, features
 from postproc.stiffness.sample.sampling import (
     SamplingPlan,
     SamplingRules,
     best_orientation,
     box_grid,
+    choose,
+    features,
     plan_sampling,
     reachable,
     travel_order,
