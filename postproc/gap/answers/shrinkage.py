@@ -146,15 +146,20 @@ def shrink_interval(
     places, regions, times = (_sums(before, after, k) for k in (cluster, region, stretch))
     if len(places) < 2:
         return 0.0, 0.0
-    own, k = 0.0, len(regions)
+    own, unsure, k = 0.0, 0.0, len(regions)
     if 1 < k < len(places):
         # what regions differ by is in the scatter of their clusters, too
-        apart = float(np.var(_log_left(regions), ddof=1)) - k * _variance(places)
-        own = max(apart, 0.0) / (1.0 - k / len(places)) * (1.0 + 1.0 / k)
+        spread = float(np.var(_log_left(regions), ddof=1))
+        share = (1.0 + 1.0 / k) / (1.0 - k / len(places))
+        own = max(spread - k * _variance(places), 0.0) * share
+        unsure = (spread * share) ** 2 / (k - 1) if own else 0.0
     here = float(_log_left(np.sum(places, axis=0)))
     scatter = max(_variance(places), _variance(times)) * (1.0 + len(before) / NEW_POSES)
-    freedom = (k if k > 1 else len(places)) - 1
-    reach = float(np.sqrt(own + scatter) * stdtrit(freedom, 0.95))
+    # degrees of freedom of a sum of two variances (Welch and Satterthwaite); at one, the interval
+    # of two regions would be endless
+    variance, unsure = own + scatter, unsure + scatter**2 / (len(places) - 1)
+    freedom = max(variance**2 / unsure if unsure else 0.0, 2.0)
+    reach = float(np.sqrt(variance) * stdtrit(freedom, 0.95))
     return 1.0 - float(np.exp(here + reach)), 1.0 - float(np.exp(here - reach))
 
 
