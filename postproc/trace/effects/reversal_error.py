@@ -30,8 +30,6 @@ CLOSE = 5.0 * MS
 """How far a delay is refined at once [s]."""
 LATEST = 0.1
 """Longest delay [s]."""
-TELLS = 0.005 * DEG
-"""A half gap that is less sure [rad] is not told."""
 _HALF, _SPIKE, _USED = slice(0, 6), slice(6, 12), slice(12, 24)
 _KIND, _LENGTH, _SHIFT, _WAY = 24, 25, 26, 27
 _SAME = 1e-9
@@ -178,11 +176,12 @@ class ReversalError(PathEffect):
 
     def table(self, stage: Stage, theta: FloatArray, deviation: FloatArray) -> dict[str, Any]:
         """Return half gaps, and the largest heights of the spikes."""
-        del stage
-        unsure = np.where(theta[_USED] > 0.0, deviation[:12], np.inf)
+        del stage, deviation
+        # heights belong together: what is read back is what was fitted
+        unsure = np.where(theta[_USED] > 0.0, 0.0, np.inf)
         return {
-            "half_gap_deg": seen(theta[_HALF], unsure[:6], TELLS, DEG),
-            "spike_deg": seen(theta[_SPIKE], unsure[6:], TELLS, DEG),
+            "half_gap_deg": seen(theta[_HALF], unsure[:6], 1.0, DEG),
+            "spike_deg": seen(theta[_SPIKE], unsure[6:], 1.0, DEG),
             "spike_course": KINDS[int(theta[_KIND])],
             "spike_s": float(np.round(theta[_LENGTH], 5)),
             "delay_ms": float(np.round(theta[_SHIFT] / MS, 4)),
