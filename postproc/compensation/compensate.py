@@ -422,17 +422,19 @@ def _far(plan: Plan, file: ModelFile) -> list[Finding]:
     is_far = np.zeros(len(q), dtype=np.bool_)
     if isinstance(field, ContinuousField):
         is_far |= field.extrapolation(q) > FAR
-    if file.reach is not None:
-        is_far |= file.reach.share(q) < 1.0
+    share = np.ones(len(q)) if file.reach is None else file.reach.share(q)
+    is_far |= share < 1.0
     far = working[is_far]
     if not len(far):
         return []
+    applied = np.round(100.0 * share[is_far].max())
     return [
         Finding(
             Severity.WARNING,
             "CMP005",
             f"{len(far)} of {len(working)} working moves are in poses far from all that was "
-            "measured: stiffness is extrapolated there, and only part of the shift is applied",
+            f"measured: stiffness is extrapolated there, and at most {applied:.0f} % of the "
+            "shift is applied",
             int(plan.tag[far[0]]),
             plan.toolpath.source(int(plan.tag[far[0]])),
             hint="measure in the branch and the turns of A4 and A6 that the program takes",
