@@ -198,7 +198,7 @@ class ModelFile:
                 "MOD006", f"effects.{effect}.{key}: expected {wanted}", self.source(effect, key)
             )
         is_rigid = np.isposinf(value) & ("stiffness" in key)
-        is_unseen = np.isnan(value) & (shape[:1] == (len(JOINTS),))
+        is_unseen = np.isnan(value) & (len(JOINTS) in value.shape)
         low, high = (float(np.clip(end / factor(key), -LARGEST, LARGEST)) for end in within)
         if not (is_rigid | is_unseen | ((low <= value) & (value <= high))).all():
             text = f"effects.{effect}.{key}: expected numbers from {low:g} to {high:g}"
@@ -212,6 +212,9 @@ class ModelFile:
             effect: name of a table that is there.
             key: as in the file.
             known: what it may say.
+
+        Returns:
+            Its place among them.
 
         Raises:
             DataError: MOD006 for another word.

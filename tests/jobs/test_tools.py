@@ -513,6 +513,8 @@ def test_measured_holes_are_found_in_the_setup_they_lie_in(converted, run, tmp_p
     assert document["gap"]["rms_mm"] == pytest.approx(0.2, abs=0.02)
     wrong = run(*call, "--tool", 7)[1]
     assert wrong["gap"]["rms_mm"] > 5.0, "another tool is another tool point"
+    code, _, err = run("identify", measured, "--cell", cell, "-o", tmp_path / "m.toml", "--tool", 8)
+    assert "CEL015" not in err, "these rows carry no load, but the tool is known"
 
 
 def test_normals_are_those_of_the_base_of_each_row(job):

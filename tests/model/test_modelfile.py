@@ -66,9 +66,11 @@ def test_round_trip_keeps_bytes_and_numbers(tmp_path):
 
 
 def test_nan_survives_as_what_the_data_could_not_tell(tmp_path):
-    text = save_model(ModelFile({"joint_offset": {"offset_deg": [math.nan, 1.0]}}))
+    text = save_model(
+        ModelFile({"joint_offset": {"offset_deg": [math.nan, 1.0, 0.0, 0.0, 0.0, 0.0]}})
+    )
     model = load(tmp_path, text.decode())
-    values = model.values("joint_offset", "offset_deg", (2,))
+    values = model.values("joint_offset", "offset_deg", (6,))
     assert math.isnan(values[0])
     assert values[1] == pytest.approx(math.radians(1.0))
 

@@ -137,9 +137,7 @@ def test_the_page_says_what_the_program_says(data, holes):
     assert len(moves) == len(data["q"])
     for row, move in enumerate(moves):
         if move.word is MoveWord.PTP and isinstance(move.target, Axes):
-            np.testing.assert_allclose(
-                np.degrees(data["q"][row]), move.target.angles_deg, atol=2e-5
-            )
+            np.testing.assert_allclose(np.degrees(data["q"][row]), move.target.six, atol=2e-5)
         assert data["krl_line"][row] == move.line
     assert row_of_column(data, "deviation").max() < 2e-4
 

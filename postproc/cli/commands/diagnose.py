@@ -127,6 +127,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
             cell,
             model=model,
             register=options["registered"],
+            tool=options["tool"],
             program=toolpath,
             before=options["before"],
             self_check_trials=options["trials"] if options["self_check"] else 0,

@@ -65,7 +65,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     from postproc.jobs.identify import identify
     from postproc.model import save_model
 
-    cell = load_cell(options["cell"]).for_tool(options["tool"])
+    cell = load_cell(options["cell"])
     with session.progress() as progress:
         job = identify(
             options["source"],
@@ -73,6 +73,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
             grid_mm=options["grid"],
             origin_mm=options["origin"],
             blend=options["between_cells"] == "blend",
+            tool=options["tool"],
             **{name: options[name] for name in ("method", "confidence", "register")},
             progress=progress,
         )
