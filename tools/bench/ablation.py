@@ -86,6 +86,7 @@ OFF: dict[str, tuple[Switch, ...]] = {
     "without roll": (("postproc.planning.attempt", "without_roll", _nothing),),
     "spins of strokes": ((SEARCH + "roll", "_price", lambda *a: np.zeros(len(a[4]))),),
     "also failing": ((SEARCH + "pose_search", "also_failing", _nothing),),
+    "alike": ((SEARCH + "failing", "_alike", lambda s, rung, a, b: np.zeros((0, 2), int)),),
     "infeasible": (
         (SEARCH + "between", "infeasible", lambda problem, way: np.zeros(len(problem), int)),
     ),

@@ -86,6 +86,9 @@ ALONG = 4
 """So many tags along from a colliding pose are checked, and one spin to each side of it: a round of
 the search costs more than the poses that a narrow rim finds later, a wide rim of free ones too. A
 cut that no pose serves takes twice as long with 1."""
+ALIKE = 0.6
+"""Steps are alike if no joint at either end differs by more [rad]. A crowded cut that nothing
+serves takes twice as long if they are not looked at along with one that fails."""
 OFTEN = 4
 """Every so often the cheapest steps between two tags are checked, ..."""
 MOST_LOOKED_AT = 5000

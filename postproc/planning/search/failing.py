@@ -26,6 +26,7 @@ from postproc.ladder import Failing, Steps
 from postproc.planning.checks import Break, Reason
 from postproc.planning.search.between import Interpolation
 from postproc.planning.search.constants import (
+    ALIKE,
     ALL_INSIDE,
     ALONG,
     CARRIED_ON,
@@ -99,9 +100,10 @@ class _Suspects:
 def also_failing(search: PoseSearch, steps: Steps, failing_of: Failing) -> Steps:
     """Return further steps that fail where some do.
 
-    Of those that leave or enter the same states; where steps into a tag failed before, now and then
-    of the cheapest of all: those that the search would try next. More and more of them while most
-    fail, by the joints alone first. None along with a cut over tags between: it costs too much.
+    Of those that leave or enter the same states; where steps into a tag failed before, of those
+    from poses alike to poses alike, and now and then of the cheapest of all: those that the search
+    would try next. More and more of them while most fail, by the joints alone first. None along
+    with a cut over tags between: it costs too much.
     """
     known: Steps = []
     suspects: list[_Suspects] = []
@@ -117,7 +119,7 @@ def also_failing(search: PoseSearch, steps: Steps, failing_of: Failing) -> Steps
         elif times == 2 or times % OFTEN == 0:
             pairs = search.ladder.cheapest(rung, MOST_LOOKED_AT + len(looked_at))
         else:
-            continue
+            pairs = _alike(search, rung, a, b)
         pairs = pairs[~np.isin(_codes(search, pairs), looked_at)]
         length = float(np.diff(search.between.way[[tag - 1, tag]])[0])
         count = int(min(MOST_LOOKED_AT, max(LEAST_LOOKED_AT, SWEPT / max(length, TINY))))
@@ -163,6 +165,22 @@ def _beside(search: PoseSearch, rung: int, a: int, b: int) -> IndexArray:
     pairs = np.concatenate([leave, np.column_stack([start, np.full(len(start), b)])])
     turn = np.abs(search.states.spin_of(pairs[:, 1]) - search.states.spin_of(pairs[:, 0]))
     return pairs[np.argsort(np.minimum(turn, TURN - turn), kind="stable")]
+
+
+def _alike(search: PoseSearch, rung: int, a: int, b: int) -> IndexArray:
+    """Return the steps (k, 2) from poses like one to poses like another, the most alike first."""
+    ends = []
+    for first, end in ((rung - 1, a), (rung, b)):
+        states = np.arange(*search.states.offsets[[first, first + 1]])
+        states = states[np.isfinite(search.ladder.cost[states])]
+        states = states[search.states.branch[states] == search.states.branch[end]]
+        off = np.abs(search.states.q[states] - search.states.q[end]).max(axis=1)
+        ends.append((states[off <= ALIKE], off[off <= ALIKE]))
+    (before, from_), (now, to) = ends
+    pairs = np.column_stack([np.repeat(before, len(now)), np.tile(now, len(before))])
+    off = np.maximum(from_[:, None], to[None]).ravel()
+    pairs = pairs[np.argsort(off, kind="stable")]
+    return pairs[search.ladder.is_in_reach(rung, *pairs.T)]
 
 
 def _note(search: PoseSearch, tag: int, steps: IndexArray) -> None:
