@@ -129,7 +129,7 @@ def test_same_programs_have_a_page_too(browser, holes, tmp_path):
     assert browser.problems == []
 
 
-def _content(verdict, adopted, joints=(0.7, 0.3)):
+def _content(verdict, adopted, joints=(0.7, 0.3), low=0.8):
     effects = [
         {"name": name, "title": title, "adopted": True, "confounded_with": twins}
         for name, title, twins in adopted
@@ -137,7 +137,7 @@ def _content(verdict, adopted, joints=(0.7, 0.3)):
     return {
         "verdict": verdict,
         "gap": {"rms_mm": 0.31},
-        "shrinkage": {"value": 0.87, "rms_after_mm": 0.04},
+        "shrinkage": {"value": 0.87, "ci": [low, 0.9], "rms_after_mm": 0.04},
         "effects": effects,
         "residual": {"depends_on": []},
         "where": {"joints": [{"joint": j + 2, "share": s} for j, s in enumerate(joints)]},
@@ -155,5 +155,6 @@ def test_headlines():
     assert "has 2 causes: the joints give way; then tool frame, mostly at joints 2 and 3" in text
     assert text.endswith("These rows cannot tell tool_frame from joint_offset.")
     assert "unexplained" in headline(_content("unexplained", one))
+    assert headline(_content("explained", one, low=-0.7)).startswith("Perhaps part of the 0.31")
     assert headline(_content("unexplained", [])).startswith("Unexplained")
     assert headline(_content("no_gap", [])).startswith("No gap")

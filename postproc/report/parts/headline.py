@@ -28,7 +28,7 @@ def headline(content: dict[str, Any]) -> str:
             "gap."
         )
     share = total["value"]
-    what = "Most" if share >= 0.5 else "Part"
+    what = "Perhaps part" if total["ci"][0] <= 0.0 else "Most" if share >= 0.5 else "Part"
     what += f" of the {gap:.2f} mm gap, {100 * share:.0f} %, "
     if len(adopted) == 1:
         causes, they = f"has one cause: {adopted[0]['title']}", "it"
