@@ -117,9 +117,10 @@ def moving(stage: Stage, least: float) -> BoolArray:
     return np.asarray(np.quantile(np.abs(stage.scene.speed), 0.99, axis=0) > least)
 
 
-def seen(values: FloatArray, deviation: FloatArray, least: float, unit: float) -> list[Any]:
-    """Return values in the unit of the file, None where the deviation is above ``least``."""
+def seen(values: FloatArray, unit: float, known: BoolArray | bool = True) -> list[Any]:
+    """Return values in the unit of the file, None where they are not known or not finite."""
+    told = np.isfinite(values) & known
     return [
-        float(np.round(value / unit, 6)) if d < least and np.isfinite(value) else None
-        for value, d in zip(values, deviation, strict=True)
+        float(value) if is_told else None
+        for value, is_told in zip(np.round(values / unit, 6), told, strict=True)
     ]

@@ -178,10 +178,10 @@ class ReversalError(PathEffect):
         """Return half gaps, and the largest heights of the spikes."""
         del stage, deviation
         # heights belong together: what is read back is what was fitted
-        unsure = np.where(theta[_USED] > 0.0, 0.0, np.inf)
+        is_used = theta[_USED] > 0.0
         return {
-            "half_gap_deg": seen(theta[_HALF], unsure[:6], 1.0, DEG),
-            "spike_deg": seen(theta[_SPIKE], unsure[6:], 1.0, DEG),
+            "half_gap_deg": seen(theta[_HALF], DEG, is_used[:6]),
+            "spike_deg": seen(theta[_SPIKE], DEG, is_used[6:]),
             "spike_course": KINDS[int(theta[_KIND])],
             "spike_s": float(np.round(theta[_LENGTH], 5)),
             "delay_ms": float(np.round(theta[_SHIFT] / MS, 4)),

@@ -113,14 +113,13 @@ class ServoLag(PathEffect):
 
     def table(self, stage: Stage, theta: FloatArray, deviation: FloatArray) -> dict[str, Any]:
         """Return six delays, and the time constants."""
-        unsure = np.where(moving(stage, FAST), deviation[:6], np.inf)
+        is_sure = moving(stage, FAST) & (deviation[:6] < TELLS)
         # delay and loop belong together: what is read back is what was fitted
-        known = np.zeros(6)
         constants = np.where(theta[6:12] >= SHORT, theta[6:12], 0.0)
         return {
-            "delay_ms": seen(theta[:6], unsure, TELLS, MS),
-            "time_constant_ms": seen(constants, known, np.inf, MS),
-            "loop_damping": seen(_damping(constants, theta[12:]), known, np.inf, 1.0),
+            "delay_ms": seen(theta[:6], MS, is_sure),
+            "time_constant_ms": seen(constants, MS),
+            "loop_damping": seen(_damping(constants, theta[12:]), 1.0),
         }
 
     def read(self, model: ModelFile, table: Mapping[str, Any]) -> FloatArray | None:
