@@ -264,12 +264,10 @@ def _at_tags(plan: Plan, pose: IndexArray) -> IndexArray:
     return rows[np.flatnonzero(np.diff(plan.tag[rows], prepend=-1))]
 
 
-def _turns(plan: Plan, old: OldPoses, pose: IndexArray) -> FloatArray:
-    """Return by how much (n,) tools stand turned off their old poses [rad], 0 without one."""
-    rows, turn = _at_tags(plan, pose), np.zeros(len(pose))
-    tags = plan.tag[rows]
-    turn[tags] = rotation_angle(plan.T_base_tcp[rows, :3, :3], old.T[pose[tags], :3, :3])
-    return turn
+def _is_turned(plan: Plan, old: OldPoses, pose: IndexArray, rows: IndexArray) -> BoolArray:
+    """Return at which moves (m,) the tool stands turned off the old pose of its tag."""
+    before = old.T[pose[plan.tag[rows]], :3, :3]
+    return rotation_angle(plan.T_base_tcp[rows, :3, :3], before) >= _SAME_DEG * DEG
 
 
 def _stands(plan: Plan, old: OldPoses, cell: Cell, pose: IndexArray) -> bool:
@@ -278,8 +276,8 @@ def _stands(plan: Plan, old: OldPoses, cell: Cell, pose: IndexArray) -> bool:
     q = old.q[pose[plan.tag[rows]]]
     is_known = np.isfinite(q).all(axis=1)
     branch = build(cell.robot).slot(q[is_known])
-    is_turned = (_turns(plan, old, pose) >= _SAME_DEG * DEG).any()
-    return not is_turned and bool((branch == plan.branch[rows[is_known]]).all())
+    is_as_before = branch == plan.branch[rows[is_known]]
+    return bool(is_as_before.all()) and not _is_turned(plan, old, pose, rows).any()
 
 
 def _dear(plan: Plan, free: Plan, cell: Cell, held: BoolArray) -> BoolArray:
@@ -302,7 +300,8 @@ def _dear(plan: Plan, free: Plan, cell: Cell, held: BoolArray) -> BoolArray:
 def _counted(
     plan: Plan, free: Plan, cell: Cell, old: OldPoses, pose: IndexArray, is_same: BoolArray
 ) -> Kept:
-    kept = is_same & (_turns(plan, old, pose) < _SAME_DEG * DEG)
+    rows, kept = _at_tags(plan, pose), is_same.copy()
+    kept[plan.tag[rows[_is_turned(plan, old, pose, rows)]]] = False
     ratio = free.cycle_time and plan.cycle_time / free.cycle_time
     if np.isfinite(free.stiffness).any():
         ratio = float(np.nanmean(free.stiffness) / np.nanmean(plan.stiffness))
