@@ -24,7 +24,7 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from postproc.cell import Cell
 from postproc.compensation.along import BLOCK, Follower
-from postproc.compensation.drive import check_size, run_of
+from postproc.compensation.drive import run_of
 from postproc.compensation.pieces import SAMPLE_STEP, SHORTEST, in_pieces
 from postproc.compensation.real_arm import RealArm, left_out
 from postproc.compensation.reversals import Sides, sides_of
@@ -92,7 +92,7 @@ def compensate(plan: Plan, cell: Cell, model: str | ModelFile) -> Plan:
     rows = _rows(plan, cell, arm.kinematics)
     follows = arm.follows_motion
     # what does not follow the motion comes first: it may decide which way a joint goes
-    solved = _solved(arm, rows, {}, file)
+    solved = _solved(arm, rows, {})
     commanded = _shifted(plan, cell, arm.kinematics, rows, solved)
     unsettled = np.zeros(len(plan))
     sides: Sides | None = None
@@ -100,7 +100,7 @@ def compensate(plan: Plan, cell: Cell, model: str | ModelFile) -> Plan:
     for _ in range(RUNS if follows else 0):
         sides, qd = _followed(commanded, cell, arm, rows, sides)
         before, told = solved, {"direction": sides.arriving, "qd": qd}
-        solved = _solved(arm, rows, told, file)
+        solved = _solved(arm, rows, told)
         commanded = _shifted(plan, cell, arm.kinematics, rows, solved)
         unsettled = np.linalg.norm(solved.shift - before.shift, axis=1)[: len(plan)]
         if float(unsettled.max(initial=0.0)) < SETTLED:
@@ -113,7 +113,7 @@ def compensate(plan: Plan, cell: Cell, model: str | ModelFile) -> Plan:
     ]
     commanded = _doubted(commanded, arm, rows, told)
     if sides is not None:
-        commanded = _crossing(commanded, plan, cell, arm, rows, sides, file)
+        commanded = _crossing(commanded, plan, cell, arm, rows, sides)
     if arm.along:
         commanded = follower(arm).compensated(commanded, file)
         findings += _left_along(commanded.along_path, cell)
@@ -157,9 +157,7 @@ def _in_pieces(plan: Plan, cell: Cell, arm: RealArm) -> Plan:
     return in_pieces(plan, cell, arm.kinematics, displacement, STRAIGHT, step)
 
 
-def _solved(
-    arm: RealArm, rows: _Rows, conditions: Mapping[str, Any], file: ModelFile
-) -> Compensated:
+def _solved(arm: RealArm, rows: _Rows, conditions: Mapping[str, Any]) -> Compensated:
     """Return the commands of all rows, each with its own tool on the arm."""
     process = rows.process * rows.working[:, None]
     parts = []
@@ -172,9 +170,7 @@ def _solved(
         T_flange_tcp = arm.cell.tools[tool].T_flange_tcp
         parts.append(solve(arm.models[tool], arm.kinematics, T_flange_tcp, q, wrench, here))
     order = np.argsort(np.concatenate([np.flatnonzero(rows.tool == tool) for tool in tools]))
-    solved = Compensated.concat(parts).rows(order)
-    check_size(solved.shift, file)
-    return solved
+    return Compensated.concat(parts).rows(order)
 
 
 @dataclass(frozen=True, slots=True)
@@ -245,7 +241,6 @@ def _crossing(
     arm: RealArm,
     rows: _Rows,
     sides: Sides,
-    file: ModelFile,
 ) -> Plan:
     """Return the plan with a point more where a cut starts with gears on other sides.
 
@@ -258,7 +253,7 @@ def _crossing(
         return commanded
     working, none = np.ones(len(start), dtype=np.bool_), rows.arc[:0]
     own = _Rows(rows.q[start], working, rows.process[start + 1], rows.tool[start], none)
-    solved = _solved(arm, own, {"direction": sides.leaving[start], "qd": 0.0 * own.q}, file)
+    solved = _solved(arm, own, {"direction": sides.leaving[start], "qd": 0.0 * own.q})
     there = _shifted(plan.rows(start), cell, arm.kinematics, own, solved)
     radius, inside = commanded.compensation_u95, commanded.compensation_inside
     if radius is not None and inside is not None:

@@ -74,19 +74,32 @@ class Drive:
         return np.asarray(found)
 
 
-def check_size(shift: FloatArray, file: ModelFile) -> None:
+def check_size(
+    shift: FloatArray, file: ModelFile, parts: Callable[[], Mapping[str, FloatArray]] = dict
+) -> None:
     """Refuse shifts (n, 3) [m] that no real arm can need.
+
+    Args:
+        shift: asked for, before a model fades far from what was measured.
+        file: of the model.
+        parts: the shifts of its effects by name: the largest is named by its line.
 
     Raises:
         DataError: CMP001.
     """
-    largest = float(np.linalg.norm(shift, axis=1).max(initial=0.0))
+    largest = _most(shift)
     if not largest <= LARGEST:
+        sizes = {name: _most(part) for name, part in parts().items()}
+        name = max(sizes, key=lambda n: np.nan_to_num(sizes[n], nan=np.inf), default="")
         raise DataError(
             "CMP001",
             f"the model asks for shifts of up to {largest / MM:.1f} mm, too large for a real arm",
-            file.source(next(iter(file.effects), "")),
+            file.source(name or next(iter(file.effects), "")),
         )
+
+
+def _most(shift: FloatArray) -> float:
+    return float(np.linalg.norm(shift, axis=1).max(initial=0.0))
 
 
 def driven(

@@ -16,7 +16,7 @@ import numpy as np
 from postproc.arrays import AT_ONCE, ROUNDING, BoolArray, FloatArray
 from postproc.cell import Cell, Tool
 from postproc.compensation.along import split
-from postproc.compensation.drive import driven
+from postproc.compensation.drive import check_size, driven
 from postproc.gap import EFFECTS, RobotModel, effect_of, stiffness_of
 from postproc.geometry import apply
 from postproc.kinematics import Kinematics, build
@@ -119,11 +119,20 @@ def real_point(
     An arm that is late is on the same path a moment later. What lateness (``qd`` in the
     conditions) moves along the tool's way is therefore left out; across the way it counts. Outside
     of what was measured the model is believed less and less.
+
+    Raises:
+        DataError: CMP001 if the effects ask for more than any arm is off by, faded or not.
     """
-    point = _acting(model, q, wrench, conditions)
+    point, nominal = _acting(model, q, wrench, conditions), model.nominal(q)
+    if model.file is not None:
+        alone = {name: replace(model, states={name: state}) for name, state in model.states.items()}
+        check_size(
+            point - nominal,
+            model.file,
+            lambda: {n: part.displacement(q, wrench, conditions) for n, part in alone.items()},
+        )
     if model.reach is None:
         return point
-    nominal = model.nominal(q)
     return np.asarray(nominal + model.reach.share(q)[:, None] * (point - nominal))
 
 

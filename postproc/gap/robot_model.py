@@ -205,8 +205,12 @@ class RobotModel:
 
     arm: Arm
     states: States
-    registration: Registration | None = None
-    reach: Reach | None = None
+    file: ModelFile | None = None
+
+    @property
+    def reach(self) -> Reach | None:
+        """Where the model was measured, None where it does not say."""
+        return self.file.reach if self.file else None
 
     @classmethod
     def of(
@@ -235,7 +239,7 @@ class RobotModel:
         tables = model.effects if model else {}
         for name in (*tables, *(model.instrument if model and instrument else ())):
             states[name] = _effect_in(model, name).read(model, arm) if model else State(np.zeros(0))
-        return cls(arm, states, registration, model.reach if model else None)
+        return cls(arm, states, model)
 
     def samples(
         self,

@@ -16,6 +16,7 @@ from postproc.gap.robot_model import RobotModel
 from postproc.geometry.frames import transform
 from postproc.model.modelfile import ModelFile, load_model, save_model
 from postproc.model.plan import MoveKind, MoveRole, Plan
+from postproc.model.reach import Reach
 from postproc.model.toolpath import MotionKind, ToolPath
 from postproc.paths.moments import Moments, directions
 from postproc.stiffness.field import ConstantField
@@ -200,6 +201,19 @@ def test_a_model_without_reason_is_refused(cell, arm, postures, tmp_path):
             cell,
             constant_model(tmp_path / "m.toml", 1e4 / K_PAPER),
         )
+
+
+def test_an_offset_of_no_arm_is_refused_by_its_line_however_far_it_was_measured(
+    cell, arm, postures, tmp_path
+):
+    path, q = tmp_path / "m.toml", postures(3)
+    reach = Reach.around(np.random.default_rng(0).normal(9.0, 1.0, (30, 6)), 1.0, 1e-5, 2.0, {})
+    offset = {"offset_deg": [0.0, 1e9, 0.0, 0.0, 0.0, 0.0]}
+    arms = stiffness_tables(ConstantField(1.0 / K_PAPER), 1.0 / K_PAPER)
+    path.write_bytes(save_model(ModelFile({**arms, "joint_offset": offset}, reach=reach)))
+    line = path.read_text().splitlines().index("[effects.joint_offset]") + 1
+    with pytest.raises(DataError, match=f"m.toml:{line}: error CMP001"):
+        compensate(plan_of(cell, arm, q), cell, str(path))
 
 
 def test_unseen_joints_take_the_cells_stiffness(cell, arm, postures, tmp_path):
