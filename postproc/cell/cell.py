@@ -278,6 +278,10 @@ class Cell:
     )
     """For each tool joint angles (n, 6) [rad] to joint compliance (n, 6) [rad/(N*m)], where a model
     of the arm is known; none: the constant ``joint_stiffness`` counts everywhere."""
+    model_doubt: Callable[[FloatArray], FloatArray] | None = field(
+        default=None, compare=False, repr=False
+    )
+    """Joint angles (n, 6) [rad] to ``Reach.doubt`` (n,), where a model says where it holds."""
     tool_index: int = 0
     base_index: int = 0
 

@@ -31,12 +31,13 @@ LEFT_OF_MOTION = 0.5 * MM
 
 
 def cell_with_model(cell: Cell, file: ModelFile) -> Cell:
-    """Return the cell with the joint stiffness that a model knows, for planning.
+    """Return the cell with the joint stiffness that a model knows and where it holds, for planning.
 
-    A joint that the data could not see keeps the cell's stiffness. A model without any stiffness
-    changes nothing.
+    A joint that the data could not see keeps the cell's stiffness.
     """
     kinematics = build(cell.robot)
+    if file.reach is not None:
+        cell = replace(cell, model_doubt=file.reach.doubt)
 
     def locate(q: FloatArray, tool: Tool) -> FloatArray:
         return apply(kinematics.fk(q), tool.T_flange_tcp[:3, 3])

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IntArray
+from postproc.arrays import TINY, BoolArray, FloatArray, IntArray
 from postproc.records import dataclass
 from postproc.units import DEG, MM
 
@@ -116,6 +116,14 @@ class Reach:
         """
         astray = (1.0 - self.share(q)) * self.moved
         return np.asarray(self.factor * np.hypot(np.hypot(self.left, spread), astray))
+
+    def doubt(self, q: FloatArray) -> FloatArray:
+        """Return how much more the tool may be off at poses (n, 6) than inside: log of the ratio.
+
+        Of what compensation leaves, as ``radius`` has it.
+        """
+        astray = (1.0 - self.share(q)) * self.moved
+        return np.asarray(np.log(np.hypot(1.0, astray / max(self.left, TINY))))
 
     def table(self) -> dict[str, Any]:
         """Return the table of the model file."""

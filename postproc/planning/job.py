@@ -34,7 +34,7 @@ from postproc.planning.states import (
 from postproc.process import NUMBER, hole_calls, hole_steps
 from postproc.progress import Clock, Progress
 from postproc.records import dataclass
-from postproc.units import DEG
+from postproc.units import DEG, PERCENT
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +77,7 @@ def _plan_of(solved: Solved, toolpath: ToolPath, clock: Clock, options: PlanOpti
         *_notes(checker),
         *_tilt_note(problem, chosen),
         *_changes_note(problem, chosen),
+        *_model_note(problem, chosen, choice.best),
         *choice.findings,
         *solved.dropped,
         *routed.findings,
@@ -215,6 +216,29 @@ def _tilt_note(problem: Problem, chosen: Chosen) -> list[Finding]:
         f"side tilt {low[1]:g} to {high[1]:g} deg, {len(problem.tilts)} tilts searched"
     )
     return [Finding(Severity.NOTE, "PLN306", text)]
+
+
+def _model_note(problem: Problem, chosen: Chosen, best: FloatArray) -> list[Finding]:
+    """Return where tags stand for the sake of a model of the arm, and what of ``best`` that costs.
+
+    Args:
+        problem: what was asked.
+        chosen: poses of the tags.
+        best: (n,) [N/m] index that each tag could have by itself.
+    """
+    doubt, tags = problem.cell.model_doubt, np.flatnonzero(chosen.good & problem.is_contact)
+    if doubt is None or not len(tags):
+        return []
+    inside = int((doubt(chosen.q[tags]) <= 0.0).sum())
+    text = f"{inside} of {len(tags)} working poses lie where the model of the arm was measured"
+    lost = 1.0 - _stiffness(problem, chosen)[0][tags] / best[tags]
+    if np.isfinite(lost).any():
+        mean, most = (max(float(f(lost)) / PERCENT, 0.0) for f in (np.nanmean, np.nanmax))
+        text += (
+            f": such poses come first, and these are {mean:.0f} % less stiff than the stiffest, "
+            f"{most:.0f} % at most"
+        )
+    return [Finding(Severity.NOTE, "PLN314", text)]
 
 
 def _assembled(

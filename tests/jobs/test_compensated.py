@@ -2,19 +2,23 @@
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from postproc.cell.file import load_cell
-from postproc.compensation.real_arm import RealArm, cell_with_model, loads
+from postproc.compensation import cell_with_model, compensate, with_shift_margin
+from postproc.compensation.real_arm import RealArm, loads
 from postproc.gap import stiffness_tables
 from postproc.geometry.frames import rotation_about
 from postproc.jobs.convert import ConvertRequest, convert, read_toolpath
 from postproc.jobs.verify import verify
 from postproc.kinematics import build
 from postproc.model.modelfile import ModelFile, load_model, save_model
+from postproc.model.plan import MoveRole
 from postproc.model.reach import Reach
+from postproc.planning import plan
 from postproc.stiffness.identify.cases import load_cases
 from postproc.stiffness.identify.constant import fit_constant
 from postproc.stiffness.identify.continuous import fit_continuous
@@ -309,8 +313,6 @@ def test_planning_uses_the_stiffness_of_the_model(tmp_path, bench):
 
 
 def test_a_model_gives_a_cell_without_stiffness_its_objective(tmp_path, cell):
-    from dataclasses import replace
-
     from postproc.jobs.convert import make_plan
 
     source, model = tmp_path / "holes.csv", tmp_path / "model.toml"
@@ -509,6 +511,41 @@ def test_compensation_fades_where_nothing_was_measured(job):
     assert shift["all"] > 0.2
     assert shift["none"] == 0.0
     assert told == {"all": False, "first": True, "none": True}
+
+
+MEASURED = {
+    "wrist bent down": ((-35, -85, 70, -90, -80, -120), (35, -45, 115, 90, -20, 120)),
+    "wrist bent up": ((-20, -75, 80, -120, 40, -20), (40, -30, 130, -20, 110, 170)),
+    "arm low": ((-45, -60, 60, -100, -95, -60), (15, -20, 120, -10, -30, 150)),
+}
+"""Joints [deg] of campaigns that hold the true offsets of the twin, each in a box."""
+
+
+def test_poses_are_chosen_where_the_model_was_measured(tmp_path):
+    """The twin says what is left at the holes, against plans that do not ask where it holds."""
+    offset, twin = np.array([0.0, 0.04, -0.05, 0.0, 0.03, 0.02]), Twin()
+    cell = load_cell(FIXTURES / "drift_campaign" / "cell.toml")
+    (tmp_path / "h.csv").write_text("x,y,z,i,j,k,depth\n0,0,0,0,0,1,8\n150,0,0,0,0,1,8\n")
+    path = read_toolpath(ConvertRequest(str(tmp_path / "h.csv"), ""), cell)
+    T, worse = cell.workpiece.T_robroot_base, {}
+    for name, box in MEASURED.items():
+        q = np.radians(np.random.default_rng(5).uniform(*box, (60, 6)))
+        reach = Reach.around(q, 1500.0, 2e-5, 1.75, {}, 1e-3)
+        file = ModelFile({"joint_offset": {"offset_deg": offset.tolist()}}, reach=reach)
+        known = with_shift_margin(cell_with_model(cell, file))
+        left, stiff = [], []
+        for here in (known, replace(known, model_doubt=None)):
+            done = compensate(plan(path, here), cell, file)
+            at = np.flatnonzero(np.asarray(done.role) == MoveRole.PLUNGE)
+            asked = done.T_base_tcp[at, :3, 3] - done.compensation[at]
+            real = twin.point(done.q[at] + np.radians(offset)) - T[:3, 3]
+            left.append(np.linalg.norm(real @ T[:3, :3] - asked, axis=1).max())
+            stiff.append(done.stiffness.mean())
+            told = [finding for finding in done.findings if finding.code == "PLN314"]
+            assert len(told) == (here is known)
+        if not (left[0] < 1e-4 and left[0] < 0.2 * left[1] and stiff[0] < stiff[1]):
+            worse[name] = left, stiff
+    assert not worse
 
 
 def convert_q(source):

@@ -8,7 +8,7 @@ change in units of 10 degrees, times the weight ``travel``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import field, replace
 
 import numpy as np
@@ -23,6 +23,10 @@ from postproc.units import DEG
 
 TRAVEL = "travel"
 TILT = "tilt"
+MEASURED, DEFAULT_MEASURED = "measured", 100.0
+"""Weight of what a model of the arm leaves: whoever compensates asks for small errors first. One
+that is 1 % larger costs more than half of the stiffness, no compensation at all more than a way
+round the wrist."""
 TRAVEL_UNIT = 10.0 * DEG
 """Joint change that costs 1 at weight 1."""
 TRAVEL_OF = {Preset.STIFFEST: 0.01, Preset.BALANCED: 0.1, Preset.FASTEST: 1.0}
@@ -173,22 +177,13 @@ class Weights:
 def weights_of(cell: Cell) -> Weights:
     """Return what ``[optimize] objective`` asks for.
 
-    A name means that objective with weight 1, travel as the preset has it, and a little of wrist
-    and margin; a table is taken as it is, with the same travel unless it names ``travel``. Where
-    the cell allows a tilt of the tool axis, ``tilt`` stands beside them with ``DEFAULT_TILT``
-    unless it is named. Without joint stiffness the stiffness objectives are left out, with a note.
+    A table with the same travel as for a name unless it names ``travel``. Without joint stiffness
+    the stiffness objectives are left out, with a note.
 
     Raises:
         CellError: PLN202 for an objective that does not exist.
     """
-    wishes, asked = cell.optimize, cell.optimize.objective
-    table: Mapping[str, float]
-    if isinstance(asked, str):
-        table = {WRIST: DEFAULT_WRIST, MARGIN: MARGIN_OF[wishes.preset], asked: 1.0}
-    else:
-        table = asked
-    if cell.optimize.tilt:
-        table = {TILT: DEFAULT_TILT, **table}
+    wishes, asked, table = cell.optimize, cell.optimize.objective, _wanted(cell)
     states, notes = [], []
     for name, weight in sorted(table.items()):
         if name == TRAVEL:
@@ -204,7 +199,7 @@ def weights_of(cell: Cell) -> Weights:
             states.append((name, float(weight), part))
     usual = TRAVEL_OF[wishes.preset]
     travel = float(table.get(TRAVEL, usual))
-    if travel == 0.0 and all(name in (TILT, WRIST, MARGIN) for name, _, _ in states):
+    if travel == 0.0 and all(name in (TILT, WRIST, MARGIN, MEASURED) for name, _, _ in states):
         travel = usual
     prices = (
         [PRICE_OF[wishes.preset]] if isinstance(asked, str) and wishes.preset in PRICE_OF else []
@@ -212,6 +207,20 @@ def weights_of(cell: Cell) -> Weights:
     if wishes.strategy is not Strategy.SMOOTH and wishes.loss_bound is not None:
         prices.append((wishes.loss_bound, BOUND_PRICE))
     return Weights(tuple(states), travel, tuple(notes), tuple(prices))
+
+
+def _wanted(cell: Cell) -> dict[str, float]:
+    """Return the objectives that a cell asks for by name, each with its weight.
+
+    A name means that objective with weight 1 and a little of wrist and margin. Beside what is named
+    stand ``tilt`` where the cell allows any, and ``measured`` where a model says where it holds.
+    """
+    wishes, asked = cell.optimize, cell.optimize.objective
+    beside = {TILT: DEFAULT_TILT} if wishes.tilt else {}
+    beside |= {} if cell.model_doubt is None else {MEASURED: DEFAULT_MEASURED}
+    if isinstance(asked, str):
+        return {**beside, WRIST: DEFAULT_WRIST, MARGIN: MARGIN_OF[wishes.preset], asked: 1.0}
+    return {**beside, **asked}
 
 
 def state_costs(weights: Weights, context: StateContext) -> tuple[FloatArray, FloatArray]:

@@ -48,6 +48,16 @@ def _lack(free: FloatArray) -> FloatArray:
     return free
 
 
+@objective("measured")
+def measured(context: StateContext) -> FloatArray:
+    """Return how much more the tool may be off than where a model of the arm was measured.
+
+    The log of the ratio of what is left after compensation: 0 inside and without a model.
+    """
+    doubt = context.cell.model_doubt
+    return np.zeros(len(context.q)) if doubt is None else doubt(context.q)
+
+
 @objective("wrist")
 def wrist(context: StateContext) -> FloatArray:
     """Return the squares of A4 and A6 off the middle of their limits, in half turns."""
