@@ -6,9 +6,10 @@ run on the robot model and compared with the CAM path first.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import field, replace
 from difflib import get_close_matches
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -209,7 +210,11 @@ def convert(
     if any(finding.is_error for finding in words):
         plan = Plan.nothing(toolpath, request.name or toolpath.name, words)
     else:
-        plan, kept = _planned(toolpath, cell, request, progress, model)
+        make = partial(make_plan, cell=cell, request=request, progress=progress, model=model)
+        if request.keep is None:
+            plan = make(toolpath)
+        else:
+            plan, kept = _kept(toolpath, cell, request, make)
         plan = replace(plan, findings=(*words, *plan.findings))
     clock.begin("emit")
     program, findings, read = _emit_checked(plan, cell, request, clock, model)
@@ -304,24 +309,14 @@ def _outward(toolpath: ToolPath, cell: Cell) -> FloatArray | None:
     return normals
 
 
-def _planned(
-    toolpath: ToolPath,
-    cell: Cell,
-    request: ConvertRequest,
-    progress: Progress | None,
-    model: ModelFile | None,
-) -> tuple[Plan, Kept | None]:
-    """Return the plan, and what it keeps of an old program, where one is given."""
-
-    def make(path: ToolPath) -> Plan:
-        return make_plan(path, cell, request, progress, model)
-
-    if request.keep is None:
-        return make(toolpath), None
+def _kept(
+    toolpath: ToolPath, cell: Cell, request: ConvertRequest, make: Callable[[ToolPath], Plan]
+) -> tuple[Plan, Kept]:
+    """Return the plan that ``make`` returns by poses of an old program, and what it keeps of it."""
     from postproc.jobs.kept import old_program, plan_kept, poses_of
 
     name = legal_name(request.name or toolpath.name)
-    program = old_program(request.keep, name)
+    program = old_program(str(request.keep), name)
     old = None if program is None else poses_of(program, cell)
     return plan_kept(toolpath, cell, old, make)
 

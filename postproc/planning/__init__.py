@@ -27,9 +27,9 @@ from postproc.planning.maps import (
 )
 from postproc.planning.places import Rank, Reach
 from postproc.planning.planner import plan
+from postproc.planning.repairs import repairs_tried
 from postproc.planning.route import cell_at
 from postproc.planning.search import arc_length
-from postproc.planning.solve import repairs_tried
 from postproc.planning.states import (
     HELD,
     OBJECTIVES,

@@ -12,6 +12,7 @@ chosen together, travel counted, so that the way between two of them rarely cros
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import cached_property
 from typing import NamedTuple
 
@@ -20,11 +21,11 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.cell import Preset, Strategy
 from postproc.errors import Finding, Severity
-from postproc.ladder import Found
 from postproc.planning.checks import Checker, explained, gave_up
 from postproc.planning.route import Route, route
 from postproc.planning.search import (
     DEFAULT_BOUND,
+    LOST,
     TIE_TRAVEL,
     Interpolation,
     LossBound,
@@ -73,8 +74,19 @@ class Made(NamedTuple):
     routed: Route
 
 
+Rank = tuple[int, int, float]
+"""What plans are compared by, the least is best: findings that refuse it, bounds of loss that it
+breaks, time [s]."""
+
+
+def rank(findings: Iterable[Finding], seconds: float) -> Rank:
+    """Return the rank of a plan by its findings and the time that it takes [s]."""
+    known = list(findings)
+    return sum(f.is_error for f in known), sum(f.code == LOST for f in known), round(seconds, 3)
+
+
 class Attempt:
-    """The stages of a plan, each worked out when it is asked for: found, chosen, choice, routed.
+    """The stages of a plan: those of its search, then, each when it is asked for, choice and route.
 
     A repair asks to ``use`` another search: then they are worked out again.
 
@@ -128,25 +140,15 @@ class Attempt:
 
     def _forget(self) -> None:
         """Forget what was worked out."""
-        for stage in ("found", "chosen", "choice", "routed"):
+        for stage in ("choice", "routed"):
             self.__dict__.pop(stage, None)
-
-    @cached_property
-    def found(self) -> Found:
-        """The best sequence of states of the key tags."""
-        return self.search.run()
-
-    @cached_property
-    def chosen(self) -> Chosen:
-        """The poses of all tags on the grid."""
-        return self.search.chosen(self.found)
 
     @cached_property
     def choice(self) -> Choice:
         """The poses of all tags, off the grid, and what stands against them."""
-        problem, search, chosen = self.checker.problem, self.search, self.chosen
+        problem, search, chosen = self.checker.problem, self.search, self.search.chosen
         wishes = problem.cell.optimize
-        record, q_grid = search.record(self.found, chosen), chosen.q
+        record, q_grid = search.record(), chosen.q
         is_bound = wishes.strategy is Strategy.EACH and wishes.loss_bound is not None
         moved = wishes.refine and (wishes.strategy is Strategy.GLOBAL or is_bound)
         if moved:
@@ -188,6 +190,9 @@ class Attempt:
         self.clock.begin("route")
         return route(self.checker, chosen, goes_on=self.goes_on, runs=runs)
 
-    def make(self) -> Made:
-        """Return all of it."""
-        return Made(self.checker, self.choice, self.routed)
+    def make(self) -> tuple[Rank, Made]:
+        """Return all of it with its rank."""
+        choice, routed = self.choice, self.routed
+        known = (*choice.findings, *routed.findings)
+        seconds = float(routed.timed.duration.sum())
+        return rank(known, seconds), Made(self.checker, choice, routed)

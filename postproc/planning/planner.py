@@ -11,11 +11,10 @@ from postproc.arrays import IndexArray
 from postproc.cell import Cell, Preset
 from postproc.errors import Finding, PlanError, Severity
 from postproc.model import CUTS, Plan, ToolPath
+from postproc.planning.attempt import rank
 from postproc.planning.job import Job, problem_of
-from postproc.planning.repairs import Level
 from postproc.planning.retracts import with_repeats
 from postproc.planning.search import ordered, ordered_by_place
-from postproc.planning.solve import WholePlans, repaired, with_tried
 from postproc.planning.states import PlanOptions, Settings, settle
 from postproc.planning.stretches import plan_stretches
 from postproc.process import (
@@ -66,58 +65,39 @@ def plan(
     cell, _ = settle(cell, options)
     options = PlanOptions(partial=options.partial, name=options.name)
     _require_few_pecks(toolpath)
-    return with_tried(*repaired(_Ways(toolpath, cell, options, progress), Level.WAYS))
+    claims = claimed(driven(as_served(toolpath, cell), cell), cell)
+    toolpath, stretches = with_turns(claims.toolpath), claims.stretches()
+    if any(finding.is_error for finding in claims.findings) and not options.partial:
+        return Plan.nothing(toolpath, options.name or toolpath.name, claims.findings)
+    plans: list[Plan] = []
+    for here in _ways(cell):
+        job, path = Job(settle(here, options)[1], options, progress), toolpath
+        if here.optimize.free_order:
+            path = reordered(path, _order(path, here, job.settings, stretches))
+            here = replace(here, optimize=replace(here.optimize, free_order=False))
+        path = holes_served(path, here)
+        part, distinct = without_repeats(path)
+        result = plan_stretches(job, part, here, claims.of(distinct).stretches())
+        notes = (*result.findings, *_left_out_note(result), *_home_note(result, here))
+        result = replace(result, findings=notes)
+        plans.append(with_repeats(result, path, distinct) if len(distinct) < len(path) else result)
+    best = min(plans, key=lambda plan: rank(plan.findings, plan.cycle_time))
+    return replace(best, findings=(*claims.findings, *best.findings))
 
 
-class _Ways(WholePlans):
-    """The presets and orders of which the quickest plan counts, those asked for first.
+def _ways(cell: Cell) -> list[Cell]:
+    """Return the presets and orders of which the quickest plan counts, those asked for first.
 
     Neither an order that is looked for nor short ways for their own sake are always quicker.
     """
-
-    def __init__(
-        self, toolpath: ToolPath, cell: Cell, options: PlanOptions, progress: Progress | None
-    ) -> None:
-        wishes = cell.optimize
-        is_fastest = wishes.preset is Preset.FASTEST and isinstance(wishes.objective, str)
-        presets = (Preset.FASTEST, Preset.BALANCED) if is_fastest else (wishes.preset,)
-        orders = (True, False) if wishes.free_order else (False,)
-        self._toolpath, self._options, self._progress = toolpath, options, progress
-        self._left = [
-            replace(cell, optimize=replace(wishes, preset=preset, free_order=order))
-            for preset, order in itertools.product(presets, orders)
-        ]
-
-    def make(self) -> Plan:
-        """Return the plan of the way that is next."""
-        cell = self._left[0]
-        job = Job(settle(cell, self._options)[1], self._options, self._progress)
-        return _plan_in(job, self._toolpath, cell)
-
-    def change(self) -> bool:
-        """Take the next way to plan, if there is one."""
-        self._left = self._left[1:]
-        return bool(self._left)
-
-
-def _plan_in(job: Job, toolpath: ToolPath, cell: Cell) -> Plan:
-    """Return the plan in a cell as it is settled."""
-    options = job.options
-    claims = claimed(driven(as_served(toolpath, cell), cell), cell)
-    toolpath = with_turns(claims.toolpath)
-    if any(finding.is_error for finding in claims.findings) and not options.partial:
-        return Plan.nothing(toolpath, options.name or toolpath.name, claims.findings)
-    stretches = claims.stretches()
-    if cell.optimize.free_order:
-        toolpath = reordered(toolpath, _order(toolpath, cell, job.settings, stretches))
-        cell = replace(cell, optimize=replace(cell.optimize, free_order=False))
-    toolpath = holes_served(toolpath, cell)
-    part, distinct = without_repeats(toolpath)
-    if len(distinct) < len(toolpath):
-        return with_repeats(_plan_in(job, part, cell), toolpath, distinct)
-    result = plan_stretches(job, toolpath, cell, stretches)
-    notes = [*_left_out_note(result), *_home_note(result, cell)]
-    return replace(result, findings=(*claims.findings, *result.findings, *notes))
+    wishes = cell.optimize
+    is_fastest = wishes.preset is Preset.FASTEST and isinstance(wishes.objective, str)
+    presets = (Preset.FASTEST, Preset.BALANCED) if is_fastest else (wishes.preset,)
+    orders = (True, False) if wishes.free_order else (False,)
+    return [
+        replace(cell, optimize=replace(wishes, preset=preset, free_order=order))
+        for preset, order in itertools.product(presets, orders)
+    ]
 
 
 def _home_note(result: Plan, cell: Cell) -> list[Finding]:

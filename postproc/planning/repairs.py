@@ -1,22 +1,27 @@
-"""What may be tried where poses or ways are missing: the table of repairs.
+"""The one loop of planning: make a plan, and where it fails repair what there is evidence for.
 
-Each looks at what a level made, and where it serves changes how that is made and returns True. The
-first of the table that serves is taken. Those without a price let the search look closer until what
-fails is refuted; the others cost a plan each, and are tried so often in vain.
+``REPAIRS`` says what may be tried, level by level: on a search, on the places of the external axes,
+on cuts that are left. Each looks at what its level made, and where it serves changes how that is
+made and returns True. The first of the table that serves is taken. Those without a price let the
+search look closer until what fails is refuted; the others cost a plan each, and are tried so often
+in vain. Every plan is compared with the best so far; what was tried, and how often, is the record
+that users get.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from enum import Enum
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, TypeVar, cast
 
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
 from postproc.ladder import NONE
-from postproc.planning.attempt import Attempt
+from postproc.model import Plan
+from postproc.planning.attempt import Attempt, Rank
 from postproc.planning.route import HOME, has_ways
 from postproc.planning.search import (
     ARM,
@@ -30,6 +35,18 @@ from postproc.planning.search import (
     with_options,
 )
 from postproc.planning.states import tilt_grid
+
+MOST_PLANS = 12
+"""So many plans of a level are made at most, the first one with them."""
+M = TypeVar("M")
+M_co = TypeVar("M_co", covariant=True)
+
+
+class State(Protocol[M_co]):
+    """What repairs of a level change."""
+
+    def make(self) -> tuple[Rank, M_co]:
+        """Return what comes of it as it is, and how good that is."""
 
 
 class Changing(Protocol):
@@ -45,7 +62,6 @@ class Level(Enum):
     SEARCH = "the search for poses of one toolpath where the axes stand or follow a course"
     PLACES = "where the external axes stand at each tag"
     CUTS = "where cuts are left and entered again"
-    WAYS = "what is planned: by another preset, in another order"
 
 
 class Repair(NamedTuple):
@@ -62,18 +78,18 @@ def _turn_faster(attempt: Attempt) -> bool:
     """Let cuts without a way turn the tool as fast as it takes."""
     search, joins = attempt.search, attempt.search.joins
     chain = np.cumsum(~search.between.is_cut)[search.tags]
-    rungs = np.isin(chain, chain[search.broken(attempt.found)]) & (joins.turn < np.pi)
+    rungs = np.isin(chain, chain[search.broken]) & (joins.turn < np.pi)
     if search.failing.wanted or not rungs.any():
         return False
     search.fast_turns[rungs], joins.turn[rungs] = True, np.pi
     search.ladder.renew(np.flatnonzero(rungs))
-    attempt.use(search)
+    attempt.use(replace(search))
     return True
 
 
 def _look_closer(attempt: Attempt) -> bool:
     search, n = attempt.search, len(attempt.checker.problem)
-    tags, stride = attempt.refinement.next(search, attempt.found)
+    tags, stride = attempt.refinement.next(search)
     if not len(tags):
         return False
     attempt.clock.step(min(len(search.tags), n - 1), n, "search")
@@ -82,7 +98,7 @@ def _look_closer(attempt: Attempt) -> bool:
 
 
 def _roll_less(attempt: Attempt) -> bool:
-    main = main_spins(attempt.search, attempt.found)
+    main = main_spins(attempt.search)
     if main is None:
         return False
     attempt.use(with_options(attempt.search, replace(attempt.search.options, main=main)))
@@ -90,7 +106,7 @@ def _roll_less(attempt: Attempt) -> bool:
 
 
 def _keep_posture(attempt: Attempt) -> bool:
-    search, chosen = attempt.search, attempt.chosen
+    search, chosen = attempt.search, attempt.search.chosen
     for bits in (ARM, WRIST):
         changes = changes_of(bits, chosen)
         steady = search.options.steady
@@ -105,7 +121,7 @@ def _lose_less(attempt: Attempt) -> bool:
     if bound is None:
         return False
     is_key: BoolArray = np.isin(np.arange(len(problem)), search.tags)
-    more = bound.more_keys(is_key, loss_of(problem, attempt.chosen, bound.best))
+    more = bound.more_keys(is_key, loss_of(problem, search.chosen, bound.best))
     if not len(more):
         return False
     attempt.use(grown(search, more, np.full(len(more), problem.fine)))
@@ -157,7 +173,7 @@ def _tilt_more(attempt: Attempt) -> bool:
 
 def _has_lost(attempt: Attempt) -> bool:
     """Return whether a tag has no pose at all, on the finest grid of spins: no way leads there."""
-    return bool((attempt.found.path == NONE).any())
+    return bool((attempt.search.found.path == NONE).any())
 
 
 def _change(state: Changing) -> bool:
@@ -192,5 +208,49 @@ REPAIRS = (
     Repair(
         Level.CUTS, "a cut left and entered again", "no arm configuration serves a cut", _change, 11
     ),
-    Repair(Level.WAYS, "another way to plan", "haste and free orders need not pay", _change, 3),
 )
+
+
+def repaired(state: State[M], level: Level) -> tuple[M, Counter[str]]:
+    """Return the best that comes of repairs of a level, and how often each was tried."""
+    rows = [repair for repair in REPAIRS if repair.level is level]
+    best: tuple[Rank, M] | None = None
+    in_vain, tried, plans = Counter[str](), Counter[str](), 0
+    while True:
+        for repair in rows:
+            if not repair.price and repair.serve(state):
+                break
+        else:
+            plans += 1
+            now = state.make()
+            if best is None or now[0][0] < best[0][0]:
+                in_vain.clear()
+            best = now if best is None or now[0] < best[0] else best
+            left = rows if plans < MOST_PLANS else ()
+            found = next((r for r in left if in_vain[r.name] < r.price and r.serve(state)), None)
+            if found is None:
+                return best[1], tried
+            repair = found
+            in_vain[repair.name] += 1
+        tried[repair.name] += 1
+
+
+def tried_for(plan: Plan) -> Counter[str]:
+    """Return how often each repair was tried for a plan."""
+    return Counter(cast("dict[str, int]", plan.settings.get("tried", {})))
+
+
+def with_tried(plan: Plan, tried: Counter[str]) -> Plan:
+    """Return a plan with more repairs that were tried in its record."""
+    total = dict(tried_for(plan) + tried)
+    return replace(plan, settings={**plan.settings, "tried": total})
+
+
+def repairs_tried(plan: Plan) -> list[dict[str, object]]:
+    """Return what was tried for a plan, as documents say it: each repair, why, and how often."""
+    tried = tried_for(plan)
+    return [
+        {"repair": row.name, "because": row.evidence, "times": tried[row.name]}
+        for row in REPAIRS
+        if row.name in tried
+    ]

@@ -18,10 +18,10 @@ from postproc.arrays import IndexArray
 from postproc.cell import Cell
 from postproc.errors import Finding, Severity
 from postproc.model import CUTS, MotionKind, Plan, ToolPath
+from postproc.planning.attempt import Rank, rank
 from postproc.planning.external import plan_with_external_axes
-from postproc.planning.job import Job
-from postproc.planning.repairs import Level
-from postproc.planning.solve import WholePlans, repaired, with_tried
+from postproc.planning.job import Job, planned
+from postproc.planning.repairs import Level, repaired, with_tried
 from postproc.planning.states import REENTRY
 from postproc.units import DEG
 
@@ -29,34 +29,34 @@ from postproc.units import DEG
 def with_retracts(job: Job, toolpath: ToolPath, cell: Cell) -> Plan:
     """Return the plan of a toolpath of one tool in one base.
 
-    Where the cell lets it, its cuts are left and entered again where nothing else helps.
+    Its cuts are left and entered again where nothing else helps.
     """
     return with_tried(*repaired(_Cuts(job, toolpath, cell), Level.CUTS))
 
 
-class _Cuts(WholePlans):
+class _Cuts:
     """The cuts of a toolpath, and at which tags they are left: last tag of each, and the place."""
 
     def __init__(self, job: Job, toolpath: ToolPath, cell: Cell) -> None:
-        self._path, self._cell = toolpath, cell
-        plan_of = plan_with_external_axes if cell.external_axes else Job.planned
+        self._path = toolpath
+        plan_of = plan_with_external_axes if cell.external_axes else planned
         self._serve = partial(plan_of, job, cell=cell)
         self._places: dict[int, int] = {}
         self._stuck = self._broken = np.zeros(0, dtype=np.int64)
 
-    def make(self) -> Plan:
+    def make(self) -> tuple[Rank, Plan]:
         """Return the plan; note the places that the tool cannot leave, and where cuts break."""
-        if not self._places:
+        if self._places:
+            at = np.unique(np.array(list(self._places.values()), dtype=np.int64))
+            made, self._stuck, self._broken = _left_at(self._serve, self._path, at)
+        else:
             made = self._serve(toolpath=self._path)
             self._broken = made.failing_tags
-            return made
-        at = np.unique(np.array(list(self._places.values()), dtype=np.int64))
-        made, self._stuck, self._broken = _left_at(self._serve, self._path, at)
-        return made
+        return rank(made.findings, made.cycle_time), made
 
     def change(self) -> bool:
         """Take other places at which cuts are left; return whether that may help."""
-        if not self._cell.motion.retract_in_cuts or not len(self._broken) + len(self._stuck):
+        if not len(self._broken) + len(self._stuck):
             return False
         broken, places = self._broken, self._places
         kind = np.asarray(self._path.kind)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -18,8 +17,8 @@ from postproc.cell import Cell
 from postproc.errors import CellError, SourceRef
 from postproc.kinematics import build
 from postproc.model import Plan, ToolPath
-from postproc.planning.external import travel_moves
-from postproc.planning.job import Job
+from postproc.planning.external import plan_with_external_axes, travel_moves
+from postproc.planning.job import Job, planned
 from postproc.planning.retracts import with_retracts
 from postproc.planning.route import FOLDED
 from postproc.process import ToolStretch, switched_off
@@ -42,9 +41,11 @@ def plan_stretches(job: Job, toolpath: ToolPath, cell: Cell, stretches: list[Too
         CellError: PLN210 if no posture to change tools in is found.
     """
     known = [stretch for stretch in stretches if stretch.is_claimed]
+    plan_of = plan_with_external_axes if cell.external_axes else planned
+    plan_of = with_retracts if cell.motion.retract_in_cuts else plan_of
     if len(known) < 2 and len(stretches) < 2:
         tool, base = (known[0].tool, known[0].base) if known else (0, 0)
-        return _with_frames(with_retracts(job, toolpath, cell.with_tool(tool, base)), tool, base)
+        return _with_frames(plan_of(job, toolpath, cell.with_tool(tool, base)), tool, base)
     if len(known) > 1:
         cell = _with_home(cell, known)
     named = toolpath.named()
@@ -55,10 +56,12 @@ def plan_stretches(job: Job, toolpath: ToolPath, cell: Cell, stretches: list[Too
         part = named.rows(np.arange(stretch.low, stretch.high))
         if _is_left(stretches, stretch):
             part = switched_off(part)
-        own = with_retracts(job, part, here).within(toolpath, stretch.low)
+        own = plan_of(job, part, here).within(toolpath, stretch.low)
         own = _with_frames(own, stretch.tool, stretch.base)
-        if before is not None and len(own) and _has_travelled(before, own):
-            pieces.append(_travel(job, before, own, cell, part))
+        if before is not None and len(own) and (before.external[-1] != own.external[0]).any():
+            tool, base = int(before.tool_of_moves[-1]), int(before.base_of_moves[-1])
+            travel = travel_moves(job, part, cell.with_tool(tool, base), before, own)
+            pieces.append(_with_frames(travel, tool, base))
         pieces.append(own)
         before = own if len(own) else before
     whole = Plan.concat(pieces)
@@ -76,17 +79,6 @@ def _with_frames(plan: Plan, tool: int, base: int) -> Plan:
         return plan
     m = len(plan)
     return replace(plan, tool=np.full(m, tool), base=np.full(m, base))
-
-
-def _has_travelled(before: Plan, after: Plan) -> bool:
-    return not np.array_equal(before.external[-1], after.external[0])
-
-
-def _travel(job: Job, before: Plan, after: Plan, cell: Cell, part: ToolPath) -> Plan:
-    """Return the moves of the external axes between two stretches, with the tool of the first."""
-    tool, base = int(before.tool_of_moves[-1]), int(before.base_of_moves[-1])
-    here = cell.with_tool(tool, base)
-    return _with_frames(travel_moves(here, before, after, partial(job.checker, part)), tool, base)
 
 
 def _with_home(cell: Cell, stretches: list[ToolStretch]) -> Cell:

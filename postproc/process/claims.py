@@ -16,7 +16,7 @@ from dataclasses import field, replace
 
 import numpy as np
 
-from postproc.arrays import AnyIntArray, FloatArray, IntArray, runs
+from postproc.arrays import AnyIntArray, FloatArray, IndexArray, IntArray, runs
 from postproc.cell import Cell, Tool, Workpiece, cam_key
 from postproc.errors import LISTED, CellError, Finding, Severity, SourceRef
 from postproc.geometry import apply, inverse
@@ -58,6 +58,10 @@ class Claims:
     tool: IntArray
     base: IntArray
     findings: tuple[Finding, ...] = ()
+
+    def of(self, tags: IndexArray) -> Claims:
+        """Return those of some tags (k,) alone; the toolpath and what is wrong stay whole."""
+        return replace(self, tool=self.tool[tags], base=self.base[tags])
 
     def stretches(self) -> list[ToolStretch]:
         """Return the stretches with one tool in one base, in order."""

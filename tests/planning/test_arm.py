@@ -16,13 +16,12 @@ from postproc.planning.checks.feasible import Checker
 from postproc.planning.job import problem_of
 from postproc.planning.planner import plan
 from postproc.planning.search.pose_search import PoseSearch
-from postproc.planning.solve import solve
 from postproc.planning.states.settings import (
     PlanOptions,
     settle,
 )
-from postproc.progress import Clock
 from postproc.units import DEG
+from tests.planning.stages import solve
 from tools.bench import workload
 from tools.bench.holes import cell_file
 from tools.bench.paths import bare_path
@@ -70,7 +69,7 @@ def changed(chosen, start):
 
 
 def solved(checker):
-    return solve(checker, Clock("place"), partial=False, goes_on=False).made.choice.chosen
+    return solve(checker).choice.chosen
 
 
 @pytest.mark.parametrize("home", [None, [0.0, -90.0, 90.0, 0.0, 30.0, 0.0]])

@@ -79,10 +79,10 @@ def test_repaired_values_are_those_of_a_search_from_scratch():
     cell, settings = settle(cell, PlanOptions())
     checker = checker_of(toolpath, cell, settings)
     search = PoseSearch.of(checker, np.flatnonzero(dense_key_tags(checker.problem)))
-    search.run()
+    assert search.found
     for tag in (200, 633, 634, 1120):
         search = grown(search, np.array([tag]), np.array([search.checker.problem.fine]))
-        search.run()
+        assert search.found
     search.ladder.settle()
     fresh, runs = copy(search.ladder), search.joins
     fresh.__post_init__()
@@ -98,9 +98,8 @@ def test_cuts_found_good_before_another_into_the_same_state_are_run():
     cell, settings = settle(cell, PlanOptions())
     checker = checker_of(toolpath, cell, settings)
     search = PoseSearch.of(checker, np.flatnonzero(dense_key_tags(checker.problem)))
-    found = search.run()
-    known = search.chosen(found)
-    again = replace(search, passed=np.roll(search.passed, 1)).chosen(found)
+    known = search.chosen
+    again = replace(search, passed=np.roll(search.passed, 1)).chosen
     assert known.good.all()
     assert again.good.all()
     assert np.array_equal(known.q, again.q)

@@ -13,7 +13,8 @@ from postproc.collision import Scene
 from postproc.kinematics import build
 from postproc.model.plan import MoveKind, MoveRole
 from postproc.model.toolpath import Cycle, Event, EventKind, MotionKind
-from postproc.planning import job, solve
+from postproc.planning import job, repairs
+from postproc.planning.external import planner as axes
 from postproc.planning.external import rating
 from postproc.planning.external.carried import Outcome
 from postproc.planning.external.rating import position_grid
@@ -274,13 +275,13 @@ def test_places_where_the_arm_hits_something_are_left_out_at_once(
     wall = MeshPlacement("wall", T, size=np.array([0.2, 1.4, 2.4]))
     cell = replace(make_cell(), external_axes=(RAIL,), obstacles=(wall,))
     planned = []
-    own = job.Job.planned
+    own = job.planned
 
     def counted(self, toolpath, here, *args, **more):
         planned.append(here.robot.T_world_robroot[1, 3])
         return own(self, toolpath, here, *args, **more)
 
-    monkeypatch.setattr(job.Job, "planned", counted)
+    monkeypatch.setattr(axes, "planned", counted)
     result = plan(panel(make_path, n=1, width=0.0), cell)
     assert not result.errors
     assert abs(result.external[0, 0]) > 0.5
@@ -432,13 +433,13 @@ def test_a_rim_refused_where_the_table_stands_is_carried_at_once(make_cell, make
     cell = make_cell(external_axes=(turn,))
     cell = replace(cell, bases=(replace(cell.workpiece, meshes=(disc,)),))
     planned = []
-    own = job.Job.planned
+    own = job.planned
 
     def counted(*args, **more):
         planned.append(own(*args, **more))
         return planned[-1]
 
-    monkeypatch.setattr(job.Job, "planned", counted)
+    monkeypatch.setattr(axes, "planned", counted)
     result = plan(toolpath, cell)
     assert not result.errors
     assert planned[0].errors
@@ -491,13 +492,13 @@ def test_a_rim_within_the_part_is_refused_at_once(make_cell, make_path, monkeypa
         tools=(replace(cell.tool, meshes=(head,)),),
     )
     count = []
-    own = job.Job.planned
+    own = job.planned
 
     def counted(*args, **more):
         count.append(1)
         return own(*args, **more)
 
-    monkeypatch.setattr(job.Job, "planned", counted)
+    monkeypatch.setattr(axes, "planned", counted)
     result = plan(toolpath, cell)
     assert {error.code for error in result.errors} == {"PLN104"}
     assert "fails at every position of E1 tried" in result.errors[0].message
@@ -514,7 +515,7 @@ def test_a_cut_refused_where_the_axes_stood_is_not_said_to_be_impossible(
     disc = MeshPlacement("disc", T, radius=0.3, length=0.06)
     cell = make_cell(external_axes=(replace(turn, moves_in_cuts=False),))
     cell = replace(cell, bases=(replace(cell.workpiece, meshes=(disc,)),))
-    monkeypatch.setattr(solve, "MOST_PLANS", 1)
+    monkeypatch.setattr(repairs, "MOST_PLANS", 1)
     result = plan(toolpath, cell)
     assert [error.code for error in result.errors].count("PLN106") == 1
     assert "with E1 at the positions tried" in result.errors[-1].message

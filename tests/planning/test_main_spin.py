@@ -77,12 +77,12 @@ def test_no_pass_turns_the_tool_over_for_what_rounding_of_the_grid_gives():
 
 
 def searched(seed):
-    """Return a long contour's search, and what it finds before its rolls have to pay."""
+    """Return a long contour's search, before its rolls have to pay."""
     path = contour(("convex", "wavy", "s")[seed % 3], 2500, 2.0, 5.0 + seed % 7 * 5.0)
     cell, settings = settle(random_case(seed)[1], PlanOptions())
     checker = checker_of(path, replace(cell, obstacles=()), settings)
     search = PoseSearch.of(checker, np.flatnonzero(dense_key_tags(checker.problem)))
-    return search, search.run()
+    return search
 
 
 def rolled(search, path, main):
@@ -94,27 +94,26 @@ def rolled(search, path, main):
 @pytest.mark.parametrize("seed", [751003, 751011])
 def test_what_rolls_off_the_main_spin_gains_its_price(seed):
     """Against the cheapest way that does not roll at all, on the same grid of spins."""
-    search, found = searched(seed)
-    main = main_spins(search, found)
+    search = searched(seed)
+    main = main_spins(search)
     assert main is not None
     search = with_options(search, SearchOptions(main=main))
-    found = search.run()
-    assert main_spins(search, found) is None
+    assert main_spins(search) is None
     steady = PoseSearch.of(search.checker, search.tags)
     every = np.arange(len(steady.states.q))
     off = np.mod(
         steady.states.spin_of(every) - main[search.tags][steady.states.tag_of(every)], 2 * np.pi
     )
     steady.ladder.cost[np.minimum(off, 2 * np.pi - off) > STEADY_BAND + 1e-9] = np.inf
-    known = steady.run()
+    known = steady.found
     assert not steady.ladder.broken[1:].any()
     share = shares(search.between, search.tags)
-    concerned = float(share[rolled(search, found.path, main)].sum())
-    own = search.ladder.total(found.path) - ROLL_PRICE * concerned
+    concerned = float(share[rolled(search, search.found.path, main)].sum())
+    own = search.ladder.total(search.found.path) - ROLL_PRICE * concerned
     assert steady.ladder.total(known.path) - own >= ROLL_PRICE * concerned - 1e-6
 
 
 def test_where_every_tag_is_to_stand_at_its_best_it_may_roll():
-    search, found = searched(751003)
+    search = searched(751003)
     search = replace(search, options=SearchOptions(each=True))
-    assert main_spins(search, found) is None
+    assert main_spins(search) is None

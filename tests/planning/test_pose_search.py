@@ -15,14 +15,13 @@ from postproc.planning.checks.feasible import Checker
 from postproc.planning.job import problem_of
 from postproc.planning.search.failing import _within, also_colliding
 from postproc.planning.search.pose_search import PoseSearch, travel
-from postproc.planning.solve import solve
 from postproc.planning.states import TRAVEL_UNIT, evaluate
 from postproc.planning.states.settings import (
     PlanOptions,
     settle,
 )
-from postproc.progress import Clock
 from postproc.units import DEG
+from tests.planning.stages import solve
 
 
 def crowded(make_cell, make_path, seed):
@@ -55,7 +54,7 @@ def test_lazy_equals_eager(make_cell, make_path, seed):
     checker = crowded(make_cell, make_path, seed)
     tags = np.arange(5)
     lazy = PoseSearch.of(checker, tags)
-    found = lazy.run()
+    found = lazy.found
     eager = PoseSearch.of(checker, tags)
     every = np.arange(len(eager.states.q))
     bad = ~eager.check_states(every)
@@ -134,8 +133,8 @@ def test_poses_on_round_spins_are_free_and_cost_no_more(make_cell, make_path):
             cell = replace(checker.problem.cell, optimize=replace(optimize, refine=refine))
             problem = replace(checker.problem, cell=cell, settings=settings)
             here = replace(checker, problem=problem)
-            solved = solve(here, Clock("place"), partial=False, goes_on=False)
-            chosen[refine] = solved.made.choice.chosen
+            solved = solve(here)
+            chosen[refine] = solved.choice.chosen
         good = np.nonzero(chosen[True].good)[0]
         assert np.array_equal(good, np.nonzero(chosen[False].good)[0])
         grid, moved = (chosen[refine].at(good) for refine in (False, True))
@@ -184,5 +183,5 @@ def test_of_mirror_images_the_one_of_the_smaller_spins_counts(rows, make_cell, m
     cell, settings = settle(replace(make_cell(), tools=(head,)), PlanOptions())
     problem = problem_of(toolpath, cell, settings)
     search = PoseSearch.of(Checker(problem, None), np.arange(y.size))
-    spin = search.states.spin_of(search.run().path)
+    spin = search.states.spin_of(search.found.path)
     assert (np.cos(spin) > 0.0).all()

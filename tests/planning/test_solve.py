@@ -9,7 +9,7 @@ from postproc.cell.file import load_cell
 from postproc.collision.scene import Scene
 from postproc.kinematics import build
 from postproc.model import MotionKind, MoveKind
-from postproc.planning import attempt, repairs, solve
+from postproc.planning import attempt, job, repairs
 from postproc.planning.checks import Reason, failure
 from postproc.planning.job import checker_of
 from postproc.planning.planner import plan
@@ -20,9 +20,9 @@ from postproc.planning.states.settings import (
     PlanOptions,
     settle,
 )
-from postproc.progress import Clock
 from postproc.readers import read
 from postproc.units import DEG
+from tests.planning.stages import solve
 
 PARTED = """\
 schema = "postproc.cell/1"
@@ -102,7 +102,7 @@ def test_a_solid_that_parts_the_reach_is_no_reason_to_refuse(parted):
 
 def routed_as(monkeypatch, make_gaps):
     """Let every route have such gaps; return the poses that were routed."""
-    own, seen = solve.route, []
+    own, seen = job.route, []
 
     def routed(checker, chosen, **options):
         seen.append(chosen.q.copy())
@@ -114,7 +114,7 @@ def routed_as(monkeypatch, make_gaps):
         return result
 
     monkeypatch.setattr(attempt, "route", routed)
-    monkeypatch.setattr(solve, "route", routed)
+    monkeypatch.setattr(job, "route", routed)
     return seen
 
 
@@ -131,8 +131,8 @@ def checker(make_cell, make_path):
 def test_what_no_poses_link_is_refused_after_a_few_tries(checker, monkeypatch, partial):
     missing = lambda turn, chosen: [(2, 3)] if chosen.good[3] else []  # noqa: E731
     seen = routed_as(monkeypatch, missing)
-    solved = solve.solve(checker, Clock("place"), partial=partial, goes_on=False)
-    routed = solved.made.routed
+    solved = solve(checker, partial=partial)
+    routed = solved.routed
     assert 2 <= len(seen) <= 5
     assert solved.tried["poses on one side of a gap"] == len(seen) - 1 - partial
     stuck = solved.dropped if partial else routed.findings
@@ -144,10 +144,10 @@ def test_what_no_poses_link_is_refused_after_a_few_tries(checker, monkeypatch, p
 def test_the_poses_with_the_fewest_gaps_count(checker, monkeypatch):
     gaps = {1: [(0, 1), (2, 3)], 2: [(2, 3)], 3: [(0, 1), (2, 3), (4, 5)]}
     seen = routed_as(monkeypatch, lambda turn, chosen: gaps.get(turn, [(1, 2), (3, 4)]))
-    solved = solve.solve(checker, Clock("place"), partial=False, goes_on=False)
+    solved = solve(checker)
     assert len(seen) > 2
-    assert [finding.tag_index for finding in solved.made.routed.findings if finding.is_error] == [3]
-    assert np.array_equal(solved.made.choice.chosen.q, seen[1])
+    assert [finding.tag_index for finding in solved.routed.findings if finding.is_error] == [3]
+    assert np.array_equal(solved.choice.chosen.q, seen[1])
 
 
 def test_fewer_gaps_each_time_end_as_well(checker, monkeypatch):
@@ -155,26 +155,26 @@ def test_fewer_gaps_each_time_end_as_well(checker, monkeypatch):
     monkeypatch.setattr(repairs, "with_gaps", lambda known, _: (*known, nowhere))
     few = lambda turn, chosen: [(0, 1)] * (30 - turn)  # noqa: E731
     seen = routed_as(monkeypatch, few)
-    routed = solve.solve(checker, Clock("place"), partial=False, goes_on=False).made.routed
-    assert len(seen) == solve.MOST_PLANS
+    routed = solve(checker).routed
+    assert len(seen) == repairs.MOST_PLANS
     assert len(routed.gaps) == 30 - len(seen)
 
 
 def test_what_links_at_once_is_chosen_once(checker, monkeypatch):
     seen = routed_as(monkeypatch, lambda *_: [])
-    solve.solve(checker, Clock("place"), partial=False, goes_on=False)
+    solve(checker)
     assert len(seen) == 1
 
 
 def test_no_step_leads_across_a_gap_where_another_can_be_run(checker):
     search = PoseSearch.of(checker, np.arange(6))
-    q = search.states.q[search.run().path].astype(np.float64)
+    q = search.states.q[search.found.path].astype(np.float64)
     gap = Parted.by(q[[2]], q[[3]])
     parted = with_gaps((), [gap])
     assert parted == (gap,)
     assert with_gaps(parted, [Parted(*gap[::-1])]) == parted
     search = with_options(search, SearchOptions(parted=parted))
-    path = search.run().path
+    path = search.found.path
     again = search.states.q[path].astype(np.float64)
     sides = beside(gap, again)
     assert not (sides[:-1] & sides[1:, ::-1]).any()
@@ -222,7 +222,7 @@ def test_what_goes_with_a_cut_is_named(make_cell, make_path, monkeypatch, stuck,
     points = np.column_stack([np.full(6, 1.9), np.linspace(-0.2, 0.2, 6), np.full(6, 0.9)])
     cell, settings = settle(make_cell(), PlanOptions())
     checker = checker_of(make_path(points, [-1.0, 0.0, 0.0], MotionKind.LINEAR), cell, settings)
-    own = solve.route
+    own = job.route
 
     def routed(checker, chosen, **options):
         result = own(checker, chosen, **options)
@@ -234,10 +234,10 @@ def test_what_goes_with_a_cut_is_named(make_cell, make_path, monkeypatch, stuck,
         return result
 
     monkeypatch.setattr(attempt, "route", routed)
-    monkeypatch.setattr(solve, "route", routed)
-    solved = solve.solve(checker, Clock("place"), partial=True, goes_on=False)
+    monkeypatch.setattr(job, "route", routed)
+    solved = solve(checker, partial=True)
     told = [finding.tag_index for finding in solved.dropped]
     assert sorted(told) == sorted(named)
-    assert np.flatnonzero(~solved.made.choice.chosen.good).tolist() == sorted(named)
-    assert not any(one.is_error for one in solved.made.routed.findings)
+    assert np.flatnonzero(~solved.choice.chosen.good).tolist() == sorted(named)
+    assert not any(one.is_error for one in solved.routed.findings)
     assert all(f"tag {tag}" in one.message for tag, one in zip(told, solved.dropped, strict=True))

@@ -125,7 +125,7 @@ def test_brute_force_over_spin_and_tilt(make_cell, make_path, weight):
     checker = checker_of(toolpath, *settle(cell, PlanOptions()))
     search = PoseSearch.of(checker, np.arange(3))
     search.ladder.joins = None  # how the tool leans between tags is not asked
-    path = search.run(steps=False).path
+    path = search.standing()
     problem = checker.problem
     forward = np.array([[1, 0, 0], [1, 0, 0], [0.05, 0.04, 0]])
     forward[1] = [1, 0, 0] + np.array([5, 4, 0]) / np.sqrt(41)

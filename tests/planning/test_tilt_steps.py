@@ -99,9 +99,9 @@ def test_no_step_that_leans_too_far_is_looked_at(make_cell, make_path):
     """A spiral, where most pairs of allowed side tilts are out: thousands of steps were refuted."""
     path = make_path(spiral(20), UP, [RAPID] + [LINEAR] * 19)
     search = searched(make_cell, path, SIDE)
-    found = search.run()
+    found = search.found
     assert (found.path != NONE).all()
-    assert not search.broken(found).any()
+    assert not search.broken.any()
     assert (search.states.attitude_of(found.path)[:, 2] != 0.0).any()
     assert found.forbidden <= 20
 
@@ -115,9 +115,9 @@ def test_pinned_tags_and_tags_between_key_tags_are_left_to_the_check(make_cell, 
     checker = checker_of(path, *settle(cell, PlanOptions()))
     search = PoseSearch.of(checker, np.array([0, 1, 2, 3, 4, 6, 7]))
     assert search.ladder.joins.told.tolist() == [False, True, True, False, False, False, True]
-    found = search.run()
+    found = search.found
     assert (found.path != NONE).all()
-    assert not search.broken(found).any()
+    assert not search.broken.any()
 
 
 @pytest.mark.usefixtures("no_scene")

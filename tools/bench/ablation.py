@@ -117,8 +117,8 @@ OFF: dict[str, tuple[Switch, ...]] = {
     "put off": (("postproc.ladder.ladder", "NEAR", 10**9),),
 }
 OFF |= {
-    repair.name: (("postproc.planning.solve", "REPAIRS", tuple(r for r in REPAIRS if r != repair)),)
-    for repair in REPAIRS
+    one.name: (("postproc.planning.repairs", "REPAIRS", tuple(r for r in REPAIRS if r != one)),)
+    for one in REPAIRS
 }
 """Special cases by name, and what is planned with instead of each."""
 

@@ -265,7 +265,7 @@ def brute_cost(checker: Checker) -> float:
 
 def searched_cost(search: PoseSearch) -> float:
     """Return the cost of the way that a search finds, infinite without one."""
-    found = search.run()
+    found = search.found
     if search.ladder.broken[1:].any() or (found.path < 0).any():
         return float("inf")
     return search.ladder.total(found.path)

@@ -24,14 +24,14 @@ from postproc.geometry import inverse
 from postproc.kinematics import build
 from postproc.model import MoveKind, MoveRole, Plan, ToolPath
 from postproc.paths import joint_times
+from postproc.planning.attempt import Rank, rank
 from postproc.planning.checks import Reason, given_up
 from postproc.planning.external.carried import carried_where_better
 from postproc.planning.external.positions import Positions, Run, run_of
 from postproc.planning.external.rating import UNREACHED, Rating, rated
-from postproc.planning.job import Job
-from postproc.planning.repairs import Level
-from postproc.planning.route import MakeChecker, Travel, cell_at, travel_between
-from postproc.planning.solve import Rank, rank, repaired, tried_for, with_tried
+from postproc.planning.job import Job, checker_of, planned
+from postproc.planning.repairs import Level, repaired, tried_for, with_tried
+from postproc.planning.route import Travel, cell_at, travel_between
 from postproc.timing import SPEED_UP_TIME, joint_move_time
 from postproc.units import DEG, MM
 
@@ -51,7 +51,7 @@ def plan_with_external_axes(job: Job, toolpath: ToolPath, cell: Cell) -> Plan:
     places.calm, places.carried = made.calm, made.carried
     runs = carried_where_better(places, made.runs, stands.planned)
     plans = [stands.planned(run) for run in runs]
-    result = joined(toolpath, cell, runs, plans, partial(job.checker, toolpath))
+    result = _joined(job, toolpath, cell, runs, plans)
     result = with_tried(result, sum(map(tried_for, plans[1:]), tried))
     return replace(result, findings=_findings_of(result, places, runs, reach))
 
@@ -69,8 +69,7 @@ class _Stands:
 
     def __init__(self, job: Job, toolpath: ToolPath, cell: Cell) -> None:
         self._job, self._path, self._cell = job, toolpath, cell
-        checker_at = partial(job.checker, toolpath, cell)
-        self.places = Positions(rated(toolpath, cell, job.settings, checker_at))
+        self.places = Positions(rated(job, toolpath, cell))
         self._done: dict[tuple[int, int, bytes], Plan] = {}
         self._runs: list[Run] = []
 
@@ -81,19 +80,19 @@ class _Stands:
             part = self._path.rows(np.arange(run.low, run.high))
             here = self._cell if run.moves else cell_at(self._cell, run.external[0])
             external, goes_on = run.external if run.moves else None, run.high < len(self._path)
-            self._done[key] = self._job.planned(part, here, external, goes_on=goes_on)
+            self._done[key] = planned(self._job, part, here, external, goes_on=goes_on)
         return self._done[key]
 
-    def make(self) -> _Made:
-        """Return the runs at least total cost."""
-        self._runs = self.places.runs()
-        return _Made(self._runs, dict(self.places.calm), dict(self.places.carried))
-
-    def rank_of(self, made: _Made) -> Rank:
-        """Return the rank of their plans together."""
-        plans = [self.planned(run) for run in made.runs]
-        found = (finding for one in plans for finding in one.findings)
-        return rank(found, sum(one.cycle_time for one in plans))
+    def make(self) -> tuple[Rank, _Made]:
+        """Return the runs at least total cost, and how good their plans are together."""
+        runs = self._runs = self.places.runs()
+        findings, seconds = list[Finding](), 0.0
+        for run in runs:
+            plan = self.planned(run)
+            findings += plan.findings
+            seconds += plan.cycle_time
+        made = _Made(runs, dict(self.places.calm), dict(self.places.carried))
+        return rank(findings, seconds), made
 
     def change(self) -> bool:
         """Close places to what failed there; return whether there is another way."""
@@ -151,21 +150,15 @@ def _moving(rating: Rating, external: FloatArray, low: int, high: int) -> Findin
     return Finding(Severity.NOTE, "PLN307", text, low, rating.toolpath.source(low))
 
 
-def joined(
-    toolpath: ToolPath,
-    cell: Cell,
-    runs: list[Run],
-    plans: list[Plan],
-    make_checker: MakeChecker,
-) -> Plan:
+def _joined(job: Job, toolpath: ToolPath, cell: Cell, runs: list[Run], plans: list[Plan]) -> Plan:
     """Return one plan of all runs, with the moves of the external axes between them.
 
     Args:
+        job: of the call.
         toolpath: of all runs.
         cell: with its external axes.
         runs: one after the other.
         plans: of each run, in a cell without external axes where they stand.
-        make_checker: cell without external axes to the checks of the toolpath in it.
     """
     pieces: list[Plan] = []
     findings: list[Finding] = []
@@ -176,7 +169,7 @@ def joined(
         here = replace(part.within(toolpath, run.low), external=external)
         findings += here.findings
         if before is not None and len(here):
-            between = travel_moves(cell, before, here, make_checker)
+            between = travel_moves(job, toolpath, cell, before, here)
             findings += between.findings
             if _ends_where(between, here):  # the first move is that of the axes
                 here = replace(here, duration=np.r_[between.duration[-1:], here.duration[1:]])
@@ -195,12 +188,13 @@ def _ends_where(between: Plan, after: Plan) -> bool:
     return same and bool(after.kind[0] == MoveKind.PTP)
 
 
-def travel_moves(cell: Cell, before: Plan, after: Plan, make_checker: MakeChecker) -> Plan:
+def travel_moves(job: Job, toolpath: ToolPath, cell: Cell, before: Plan, after: Plan) -> Plan:
     """Return the moves from one position to the next: to a travel pose, the axes, and on.
 
     What stands in their way is among the findings of the plan.
     """
     findings: list[Finding] = []
+    make_checker = partial(checker_of, toolpath, settings=job.settings)
     places = before.external[-1], after.external[0]
     q_from, q_to, tag = before.q[-1], after.q[0], int(after.tag[0])
     travel = travel_between(cell, q_from, q_to, places, make_checker)

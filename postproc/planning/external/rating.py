@@ -7,7 +7,6 @@ which the axes may move, or that were refused.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
 from dataclasses import field, replace
 
 import numpy as np
@@ -19,6 +18,7 @@ from postproc.ladder import Rule
 from postproc.model import ToolPath
 from postproc.paths import top_speeds
 from postproc.planning.checks import Checker
+from postproc.planning.job import Job, checker_of
 from postproc.planning.search import arc_length, best_of, spaced, step_rules
 from postproc.planning.states import Problem, Settings, evaluate, sample
 from postproc.process import feeds_of
@@ -41,8 +41,6 @@ KNOT_TURN = 10.0 * DEG
 """... and as often as the tool axis turns by so much."""
 _TURN_LENGTH = 0.1
 """A radian that the tool axis turns counts as so much way [m]."""
-CheckerAt = Callable[[FloatArray], Checker]
-
 RAIL_STEP = 0.25
 """Distance [m] between positions on a rail."""
 TURN_STEP = 30.0 * DEG
@@ -163,17 +161,16 @@ class Rating:
         return free
 
 
-def rated(toolpath: ToolPath, cell: Cell, settings: Settings, checker_at: CheckerAt) -> Rating:
+def rated(job: Job, toolpath: ToolPath, cell: Cell) -> Rating:
     """Return what every knot loses at every position, collisions left out.
 
     Args:
+        job: of the call.
         toolpath: what was read.
         cell: with at least one external axis.
-        settings: of the plan.
-        checker_at: where the axes stand at each tag (n, k) to the checks in the whole cell.
     """
-    n, k = len(toolpath), len(cell.external_axes)
-    checker = checker_at(np.zeros((n, k)))
+    n, k, settings = len(toolpath), len(cell.external_axes), job.settings
+    checker = checker_of(toolpath, cell, settings, np.zeros((n, k)))
     problem, values = checker.problem, position_grid(cell)
     chain = step_rules(problem) == Rule.CHAIN
     axis = problem.placement.axis_base(np.arange(n))

@@ -2,5 +2,5 @@
 
 from postproc.planning.route.route import HOME, Gap, Route, has_ways, route
 from postproc.planning.route.speeds import ON_THE_SPOT, is_too_fast
-from postproc.planning.route.travel import FOLDED, MakeChecker, Travel, cell_at, travel_between
+from postproc.planning.route.travel import FOLDED, Travel, cell_at, travel_between
 from postproc.planning.route.working import step_rows

@@ -11,7 +11,14 @@ from postproc.planning.search.keytags import (
     stretches,
 )
 from postproc.planning.search.laps import searched
-from postproc.planning.search.loss import LossBound, along, best_index, loss_of, loss_report
+from postproc.planning.search.loss import (
+    LOST,
+    LossBound,
+    along,
+    best_index,
+    loss_of,
+    loss_report,
+)
 from postproc.planning.search.pose_search import PoseSearch, grown, travel, with_options
 from postproc.planning.search.refinement import Refinement
 from postproc.planning.search.roll import main_spins, without_roll

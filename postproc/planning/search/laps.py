@@ -98,7 +98,7 @@ def _took_lap(
     lap = PoseSearch.of(checker, part, options, between)
     if first < low:
         _begin_at(lap, own, int(part[0]))
-    path = lap.run().path
+    path = lap.found.path
     if (path == NONE).any():
         return False
     done = slice(low - first, high - first)

@@ -18,6 +18,9 @@ from postproc.planning.search.rungs import SearchOptions
 from postproc.planning.states import Chosen, Problem, Weights, evaluate
 from postproc.records import dataclass
 
+LOST = "PLN305"
+"""More stiffness is lost than the bound allows."""
+
 
 def best_index(checker: Checker, between: Interpolation) -> FloatArray:
     """Return the best stiffness index (n,) [N/m] that each tag could have by itself, collisions in.
@@ -36,7 +39,7 @@ def best_index(checker: Checker, between: Interpolation) -> FloatArray:
     tags = np.flatnonzero(spaced(between.way, between.is_cut, LOSS_SPACING))
     search = PoseSearch.of(checker, tags, SearchOptions(each=True), between)
     search.ladder.rule[:] = Rule.FREE
-    path = search.run(steps=False).path
+    path = search.standing()
     good = path != NONE
     best = np.full(len(tags), np.nan)
     best[good] = search.states.index[path[good]]
@@ -105,7 +108,7 @@ def loss_report(problem: Problem, loss: FloatArray, tags: IndexArray, bound: flo
         return Finding(Severity.NOTE, "PLN304", text)
     return Finding(
         Severity.WARNING,
-        "PLN305",
+        LOST,
         f"{text}; what was found does not keep it under the bound of {100.0 * bound:g} %",
         hint='the preset "stiffest" loses least; more key tags or a finer step_deg may help',
     )

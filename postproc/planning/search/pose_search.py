@@ -132,8 +132,9 @@ class PoseSearch:
         """(N,) numbers of the configurations of all states, rising."""
         return places_of(self.states)
 
-    def run(self, *, steps: bool = True) -> Found:
-        """Search; without ``steps`` only states are checked, not the motions between them.
+    @cached_property
+    def found(self) -> Found:
+        """The best sequence of states, each and every step checked.
 
         Of cuts between key tags apart from each other that cannot be run some stay in:
         ``failing.wanted`` names tags to make key instead.
@@ -142,21 +143,27 @@ class PoseSearch:
         return free_path(
             self.ladder,
             self.check_states,
-            self.check_steps if steps else None,
+            self.check_steps,
             partial(also_colliding, self),
             partial(also_failing, self),
             lambda: bool(self.failing.wanted),
         )
 
-    def broken(self, found: Found) -> BoolArray:
-        """Return (n,) the key tags into which a cut should lead but none does.
+    def standing(self) -> IndexArray:
+        """Return the best state (n,) of every key tag, the motions between them not checked."""
+        return free_path(self.ladder, self.check_states, beside=partial(also_colliding, self)).path
+
+    @property
+    def broken(self) -> BoolArray:
+        """(n,) the key tags into which a cut should lead but none does.
 
         None either but to a pose that the tool cannot back off from, where it must.
         """
-        has = found.path != NONE
+        path = self.found.path
+        has = path != NONE
         result = self.ladder.broken & has
         result[1:] &= has[:-1]
-        result[has] |= self.states.cost[found.path[has]] >= STUCK
+        result[has] |= self.states.cost[path[has]] >= STUCK
         result &= self.ladder.rule == Rule.CHAIN
         result[:1] = False
         return np.asarray(result)
@@ -209,12 +216,13 @@ class PoseSearch:
             self.states.branch[after].astype(np.int64),
         )
 
-    def chosen(self, found: Found) -> Chosen:
-        """Return the poses of all tags with exact joints, those between key tags filled in."""
-        problem = self.checker.problem
+    @cached_property
+    def chosen(self) -> Chosen:
+        """The poses of all tags with exact joints, those between key tags filled in."""
+        problem, path = self.checker.problem, self.found.path
         n, k = len(problem), len(self.tags)
-        good = found.path != NONE
-        rows, tags = found.path[good], self.tags[good]
+        good = path != NONE
+        rows, tags = path[good], self.tags[good]
         attitude, q = np.zeros((n, 3)), np.zeros((n, 6))
         branch, is_good = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.bool_)
         attitude[tags] = self.states.attitude_of(rows)
@@ -225,7 +233,7 @@ class PoseSearch:
         entry = np.zeros(n, dtype=np.bool_)
         entry[self.tags] = self.ladder.broken
         joined = np.flatnonzero(good[1:] & good[:-1] & ~self.ladder.broken[1:]) + 1
-        a, b = found.path[joined - 1], found.path[joined]
+        a, b = path[joined - 1], path[joined]
         apart = self.tags[joined] - self.tags[joined - 1] > 1
         a, b = a[apart], b[apart]
         passed = self._have_passed(a, b)
@@ -249,15 +257,15 @@ class PoseSearch:
             good[again] = judge(self.checker, self.between, spans).good(len(again))
         return np.asarray(good)
 
-    def record(self, found: Found, chosen: Chosen) -> dict[str, object]:
+    def record(self) -> dict[str, object]:
         """Return what the search did, for the record of the plan."""
         return {
             "strategy": self.checker.problem.cell.optimize.strategy,
             "states": len(self.states.q),
-            "checked": found.checked,
-            "rounds": found.rounds,
-            "cost": self.ladder.total(found.path),
-            "travel_rad2": travel(chosen),
+            "checked": self.found.checked,
+            "rounds": self.found.rounds,
+            "cost": self.ladder.total(self.found.path),
+            "travel_rad2": travel(self.chosen),
         }
 
     def evidence(self, chosen: Chosen) -> Evidence:

@@ -14,7 +14,7 @@ from dataclasses import field
 import numpy as np
 
 from postproc.arrays import IndexArray
-from postproc.ladder import NONE, Found
+from postproc.ladder import NONE
 from postproc.planning.search.between import Interpolation
 from postproc.planning.search.constants import MOST_REFINED, MOST_STATES
 from postproc.planning.search.pose_search import PoseSearch
@@ -34,7 +34,7 @@ class Refinement:
     tries: dict[int, int] = field(default_factory=dict)
     gave_up: set[int] = field(default_factory=set)
 
-    def next(self, search: PoseSearch, found: Found) -> tuple[IndexArray, IndexArray]:
+    def next(self, search: PoseSearch) -> tuple[IndexArray, IndexArray]:
         """Return tags to take as key tags, and the stride of each; none if all is said."""
         n = len(self.between.way)
         stride = np.zeros(n, dtype=np.int64)
@@ -45,47 +45,43 @@ class Refinement:
         for tag in wanted:
             asked[tag] = base
         if not wanted:
-            self._around_empties(search, found, asked, base)
-            self._around_breaks(search, found, asked, base)
-            self._around_gaps(search, found, asked)
+            self._around_empties(search, asked, base)
+            self._around_breaks(search, asked, base)
+            self._around_gaps(search, asked)
         more = (asked > 0) & ((stride == 0) | (asked < stride))
         tags = np.flatnonzero(more)
         if len(tags) and len(search.states.q) > MOST_STATES:
-            self.gave_up |= set(self._open(search, found).tolist())
+            self.gave_up |= set(self._open(search).tolist())
             tags = tags[:0]
         return tags, asked[tags]
 
-    def _open(self, search: PoseSearch, found: Found) -> IndexArray:
+    def _open(self, search: PoseSearch) -> IndexArray:
         """Return the tags at which something is not refuted but not found either."""
-        rungs = np.flatnonzero(search.broken(found) | (found.path == NONE))
+        rungs = np.flatnonzero(search.broken | (search.found.path == NONE))
         wanted = search.failing.wanted
         return np.concatenate([search.tags[rungs], np.array(sorted(wanted), dtype=np.int64)])
 
-    def _around_empties(
-        self, search: PoseSearch, found: Found, asked: IndexArray, base: int
-    ) -> None:
+    def _around_empties(self, search: PoseSearch, asked: IndexArray, base: int) -> None:
         """Ask for the finest grid at tags without a pose, and for the tags beside them."""
         given = search.checker.problem.placement.given
-        rows = np.flatnonzero((found.path == NONE) & given[search.tags] & ~search.pinned)
+        rows = np.flatnonzero((search.found.path == NONE) & given[search.tags] & ~search.pinned)
         asked[search.tags[rows[:MOST_REFINED]]] = 1
         last = len(search.tags) - 1
-        for row in np.flatnonzero(found.path == NONE).tolist():
+        for row in np.flatnonzero(search.found.path == NONE).tolist():
             low, high = search.tags[max(row - 1, 0)], search.tags[min(row + 1, last)]
             inside = np.arange(low + 1, high)
             asked[inside] = np.where(asked[inside] == 0, base, asked[inside])
 
-    def _around_gaps(self, search: PoseSearch, found: Found, asked: IndexArray) -> None:
+    def _around_gaps(self, search: PoseSearch, asked: IndexArray) -> None:
         """Ask for the finest grid at tags that no free path joins, but none else is."""
-        into = np.flatnonzero(search.ladder.tolls_on(found.path) > 0.0)
+        into = np.flatnonzero(search.ladder.tolls_on(search.found.path) > 0.0)
         both = np.union1d(into - 1, into)
         asked[search.tags[both[~search.pinned[both]]]] = 1
 
-    def _around_breaks(
-        self, search: PoseSearch, found: Found, asked: IndexArray, base: int
-    ) -> None:
+    def _around_breaks(self, search: PoseSearch, asked: IndexArray, base: int) -> None:
         """Ask for more tags and spins around the breaks of cuts."""
         chain = np.cumsum(~self.between.is_cut)
-        for row in np.flatnonzero(search.broken(found)).tolist():
+        for row in np.flatnonzero(search.broken).tolist():
             tag = int(search.tags[row])
             number = int(chain[tag])
             low, high = np.searchsorted(chain, [number, number + 1]).tolist()

@@ -21,7 +21,7 @@ from postproc.arrays import BoolArray, FloatArray, IndexArray, runs
 from postproc.errors import LISTED, Finding, Severity
 from postproc.geometry import twist_about
 from postproc.kinematics import wrapped
-from postproc.ladder import NONE, Found
+from postproc.ladder import NONE
 from postproc.model import CUTS, MotionKind
 from postproc.planning.checks import Checker, Lines, Reason, failure
 from postproc.planning.search.constants import MAIN_STEP, OWN_SPINS, PRICED, STEADY_BAND
@@ -249,7 +249,7 @@ def _turned(
     return True
 
 
-def main_spins(search: PoseSearch, found: Found) -> FloatArray | None:
+def main_spins(search: PoseSearch) -> FloatArray | None:
     """Return the main spin (N,) [rad] of the tags of cuts that stand as one that rolls the tool.
 
     Cuts between which the tool does not turn in the air stand together: where one of them rolls it,
@@ -258,7 +258,6 @@ def main_spins(search: PoseSearch, found: Found) -> FloatArray | None:
 
     Args:
         search: over key tags (n,).
-        found: what it found.
     """
     if search.options.each:
         return None
@@ -266,10 +265,10 @@ def main_spins(search: PoseSearch, found: Found) -> FloatArray | None:
     known, is_new = search.options.main, False
     main = np.full(len(place), np.nan) if known is None else known.copy()
     of_cut = is_cut | np.append(is_cut[1:], False)
-    rows = np.flatnonzero((found.path != NONE) & of_cut[search.tags])
+    rows = np.flatnonzero((search.found.path != NONE) & of_cut[search.tags])
     if not len(rows):
         return None
-    tags, spin = search.tags[rows], search.states.spin_of(found.path[rows])
+    tags, spin = search.tags[rows], search.states.spin_of(search.found.path[rows])
     share = shares(search.between, search.tags)[rows]
     chain = np.cumsum(~is_cut)
     turns = np.abs(_turns(place, tags, spin)) > 2.0 * STEADY_BAND

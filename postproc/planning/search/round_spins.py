@@ -51,7 +51,7 @@ def on_round_spins(search: PoseSearch, chosen: Chosen, *, at_edges: bool) -> Cho
     for _ in range(_TRIES):
         near = searched(search.checker, tags, replace(search.options, window=window), between)
         near.ladder.reach = _reach(near, chosen)
-        moved = near.chosen(near.run())
+        moved = near.chosen
         bad = np.union1d(np.flatnonzero(chosen.good & ~moved.good), sorted(near.failing.wanted))
         bad = np.union1d(bad, np.flatnonzero(moved.entry & ~chosen.entry)).astype(np.int64)
         if not len(bad):
