@@ -2,8 +2,9 @@
 
 from postproc.trace.answer import PathDiagnosis
 from postproc.trace.contour import LONGEST
-from postproc.trace.document import PLANNER, REST, document, model_file, summary
+from postproc.trace.document import REST, document, model_file, summary
 from postproc.trace.effect import JOINTS, PATH_EFFECTS, known_effects
+from postproc.trace.planner import PLANNER
 from postproc.trace.program import of_program, of_toolpath
 from postproc.trace.reading import TRACES, read_recording
 from postproc.trace.recording import Recording

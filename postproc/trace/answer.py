@@ -92,7 +92,7 @@ class PathDiagnosis:
         self.cell = cell
         self.tool = np.asarray(cell.tool.T_flange_tcp[:3, 3])
         self.scene = Scene(recording, kinematics, self.tool)
-        clock = Clock("kinematics", progress)
+        self._clock = Clock("kinematics", progress)
         self.stages = self._stages(kinematics)
         if not self.stages and program is None:
             raise DataError(
@@ -108,18 +108,22 @@ class PathDiagnosis:
             self.match, self.known_of_planner = less_known(self.scene, self.match, model)
         self.planned: list[Planned] = []
         if self.match is not None:
-            clock.begin("program")
+            self._clock.begin("program")
             asked = (rounding(self.scene, self.match), feed(self.scene, self.match))
             self.planned = [p for p in asked if p is not None]
         self.stages = [
             Stage(s.name, s.scene, s.gap - sum(self._offset(s).values())) for s in self.stages
         ]
-        self.verdicts: list[Verdict] = []
+
+    @cached_property
+    def verdicts(self) -> list[Verdict]:
+        """What each stage shows."""
+        found = []
         for stage in self.stages:
-            clock.begin(f"effects at the {stage.name}")
-            self.verdicts.append(judged(stage))
-        clock.begin("proof")
-        self.proofs = self._proofs()
+            self._clock.begin(f"effects at the {stage.name}")
+            found.append(judged(stage))
+        self._clock.begin("proof")
+        return found
 
     def _stages(self, kinematics: Kinematics) -> list[Stage]:
         recording, scene = self.recording, self.scene
@@ -147,11 +151,12 @@ class PathDiagnosis:
     @cached_property
     def gap(self) -> FloatArray:
         """(n, 3) [m] of the tool point: measured, else of the joints carried to it; less known."""
-        pairs = zip(self.stages, self.verdicts, strict=True)
         off = np.zeros_like(self.scene.points) if self.match is None else self.match.off
         total: FloatArray = np.array(off)
-        for stage, verdict in pairs:
-            total = total + stage.at_tool(_filled(stage, verdict))
+        for number, stage in enumerate(self.stages):
+            is_whole = np.isfinite(stage.gap).all()
+            gap = stage.gap if is_whole else _filled(stage, self.verdicts[number])
+            total = total + stage.at_tool(gap)
         return total
 
     @cached_property
@@ -224,7 +229,9 @@ class PathDiagnosis:
         known = self.scene.known
         return known if known.any() else np.ones_like(known)
 
-    def _proofs(self) -> list[Proof]:
+    @cached_property
+    def proofs(self) -> list[Proof]:
+        """Of all effects that were tried, on rows that were not fitted."""
         proofs = []
         for effect in self.planned:
             block = (np.arange(len(self.scene.time)) * STRETCHES) // len(self.scene.time)
@@ -261,12 +268,20 @@ class PathDiagnosis:
         runs = len(np.unique(self.recording.run))
         return "runs not fitted" if runs >= WHOLE_RUNS else "stretches not fitted"
 
+    @cached_property
+    def contour_left(self) -> FloatArray:
+        """(n,) [m] off the path less what a model file with the adopted effects takes off."""
+        kept = {
+            n: v for n, v in self.explained.items() if n in PLANNER or PATH_EFFECTS.get(n).is_kept
+        }
+        places = (p.value for p in self.planned if p.is_place and p.name in kept)
+        zero = np.zeros_like(self.gap)
+        return self._off_path(self.gap - sum(kept.values(), zero), sum(places, zero))
+
     @property
     def left_off_path(self) -> dict[str, Any]:
-        """What the adopted effects leave off the path, as a table: with its interval."""
-        places = (p.value for p in self.planned if p.is_place and p.name in self.adopted)
-        off = self._off_path(self.rest, sum(places, np.zeros_like(self.gap)))[:, None]
-        off = off * self.judged[:, None]
+        """What a model file leaves off the path, as a table: with its interval, without noise."""
+        off = (self.contour_left * self.judged)[:, None]
         block = np.arange(len(off)) * STRETCHES // len(off)
         share = _proof("", "", np.ones_like(off) * self.judged[:, None], off, block)
         noise = 2.0 * self.sigma**2

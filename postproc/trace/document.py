@@ -15,24 +15,13 @@ from postproc.trace.effect import PATH_EFFECTS, PROGRAM
 from postproc.trace.evidence import Verdict
 from postproc.trace.iso import figures
 from postproc.trace.phases import NAMES
-from postproc.trace.planner import Planned
+from postproc.trace.planner import PLANNER, Planned
 from postproc.units import MM
 
 SCHEMA = "postproc.pathdiagnosis/1"
 WORST_LINES = 50
 REST = "path_rest"
 """Table of a model file for what the named effects leave off the path."""
-PLANNER = {
-    "corner_rounding": (
-        "the planner cuts corners",
-        "lower the approximation at the lines that matter, or split them off",
-    ),
-    "feed_deviation": (
-        "lines are not run at the programmed feed",
-        "check override, planner time per block and axis speeds",
-    ),
-}
-"""Title and remedy of what the planner does."""
 
 
 def document(found: PathDiagnosis) -> dict[str, Any]:
@@ -46,7 +35,7 @@ def document(found: PathDiagnosis) -> dict[str, Any]:
         "verdict": found.verdict,
         "rows": {"read": found.recording.rows_read, "used": len(found.recording)},
         "gap": _levels(size),
-        "contour": _levels(worst),
+        "contour": {**_levels(worst), "left_rms_mm": _mm(_rms(found.contour_left))},
         "noise": {
             "sigma_mm": _mm(found.sigma),
             "source": "rows",

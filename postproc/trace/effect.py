@@ -41,6 +41,7 @@ class PathEffect(ABC):
         rivals: effects that say the same in other words: one of them at most.
         keys: keys of its table in a model file.
         is_cause: it can be named; else it only stands against those that can.
+        is_kept: a model file gives it back.
     """
 
     name: ClassVar[str]
@@ -50,6 +51,7 @@ class PathEffect(ABC):
     rivals: ClassVar[tuple[str, ...]] = ()
     keys: ClassVar[tuple[str, ...]]
     is_cause: ClassVar[bool] = True
+    is_kept: ClassVar[bool] = True
 
     @abstractmethod
     def start(self, stage: Stage, rest: FloatArray, sigma: FloatArray) -> FloatArray | None:

@@ -19,6 +19,17 @@ from postproc.trace.scene import Scene
 from postproc.trace.signals import memory
 from postproc.units import MM
 
+PLANNER = {
+    "corner_rounding": (
+        "the planner cuts corners",
+        "lower the approximation at the lines that matter, or split them off",
+    ),
+    "feed_deviation": (
+        "lines are not run at the programmed feed",
+        "check override, planner time per block and axis speeds",
+    ),
+}
+"""Title and remedy of what the planner does."""
 FORMS = ("parabola", "arc")
 SHORTEST, LONGEST = 0.05 * MM, 100.0 * MM
 STEPS = 120

@@ -53,6 +53,7 @@ class Vibration(PathEffect):
     action = "lower the acceleration, or keep tooth frequency and speed away from the mode"
     stages = (JOINTS, TOOL, WHOLE)
     keys = ("frequency_Hz", "amplitude_mm", "damping", "course")
+    is_kept = False
 
     def start(self, stage: Stage, rest: FloatArray, sigma: FloatArray) -> FloatArray | None:
         """Find candidates in the spectrum; keep what fits best as a driven mode or as a line."""

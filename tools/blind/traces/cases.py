@@ -76,9 +76,16 @@ def write_case(folder: Path, seed: int, kind: str | None = None) -> dict[str, An
         truth = m.truth
         rows.append(recorded(m, robot, recorder, rng, run + 1, tracked))
     write_log(folder / "log.csv", np.concatenate(rows), tracked)
+    # the same robot once more, and what its recorder would have written without noise
+    again = recorded(m, robot, recorder, np.random.default_rng([seed, 1]), 1, tracked)
+    write_log(folder / "fresh.csv", again, tracked)
+    still = Recorder(recorder.cycle, 0.0, 0.0, 0.0, 0.0, 0.0)
+    pure = recorded(m, robot, still, np.random.default_rng(0), 1, tracked)
+    shares = phase_shares(way, robot, m, pure, tracked)
     factor = float(rng.uniform(0.6, 0.97)) if rng.random() < 0.25 else 1.0
     (folder / "program.src").write_text(program_text(way, robot, start, factor), encoding="utf-8")
     told = {"seed": seed, "kind": kind, "effects": truth, "tracked": tracked, "runs": runs}
+    told |= {"phases": shares}
     told |= {"cycle": recorder.cycle, "cdis_mm": 1e3 * way.cdis, "form": way.form, "factor": factor}
     (folder / "truth.json").write_text(json.dumps(told, indent=1), encoding="utf-8")
     return told
@@ -132,6 +139,57 @@ def recorded(
     columns.append(np.full(len(stamp), float(run)))
     table = np.stack(columns, axis=1)
     return table[rng.random(len(table)) >= r.lost]
+
+
+def phase_shares(
+    way: Way, robot: RobotClass, m: Motion, rows: Array, tracked: bool
+) -> dict[str, float]:
+    """Return the share of the squared gap of noiseless ``rows`` in each phase of the motion.
+
+    The gap is of the tool from the command at the same time, and of the command from the corners'
+    polyline. A row of several phases has the first of corner, start and stop, reversal.
+    """
+    arm, tool, time = robot.arm, robot.tool, rows[:, 0]
+    command = fk(arm, tool, rows[:, 1:7] * DEG)[0]
+    real = 1e-3 * rows[:, 13:16] if tracked else fk(arm, tool, rows[:, 7:13] * DEG)[0]
+    place = np.interp(time, m.time, way.place)
+    leg = np.clip(place.astype(int), 0, len(way.corners) - 2)
+    ways = []
+    for k in (leg - 1, leg, leg + 1):
+        a, b = (way.corners[np.clip(k + j, 0, len(way.corners) - 1)] for j in (0, 1))
+        square = np.maximum(np.sum((b - a) ** 2, axis=1), 1e-12)
+        along = np.clip(np.sum((command - a) * (b - a), axis=1) / square, 0.0, 1.0)
+        ways.append(command - a - along[:, None] * (b - a))
+    nearest = np.argmin([np.sum(w**2, axis=1) for w in ways], axis=0)
+    off = np.array(ways)[nearest, np.arange(len(time))]
+    square = np.nan_to_num(np.sum((off + real - command) ** 2, axis=1))
+    phase = np.full(len(time), "steady", dtype="<U10")
+    for q in m.command.T:
+        sign = np.sign(np.where(np.abs(np.diff(q)) > 1e-9, np.diff(q), 0.0))
+        moves = np.flatnonzero(sign)
+        at = moves[1:][sign[moves[1:]] != sign[moves[:-1]]]
+        # back by twenty counts of an encoder is a reversal
+        at = [k for k in at if np.abs(q[k : k + 1000] - q[k]).max() > 0.002 * DEG]
+        _mark(phase, "reversal", time, m.time[at], 0.02, 0.15)
+    speed = np.linalg.norm(np.gradient(m.point, m.time, axis=0), axis=1)
+    stands = speed < 0.01 * np.quantile(speed, 0.9)
+    for k in np.flatnonzero(np.diff(stands.astype(int))):
+        to = slice(k + 1, k + 501) if stands[k] else slice(k, max(0, k - 500), -1)
+        ramp = int(np.argmax(speed[to] >= 0.9 * speed[to].max())) * (m.time[1] - m.time[0])
+        before, after = (0.0, ramp) if stands[k] else (ramp, 0.15)
+        _mark(phase, "start_stop", time, m.time[[k]], before, after)
+    way_of = np.cumsum(np.r_[0.0, np.linalg.norm(np.diff(m.point, axis=0), axis=1)])
+    for k in range(1, len(way.corners) - 1):
+        inside = np.abs(way_of - np.interp(k, way.place, way_of)) < max(way.cdis, 0.005)
+        first, last = m.time[inside][[0, -1]]
+        _mark(phase, "corner", time, np.array([first]), 0.0, last - first + 0.15)
+    total = max(float(square.sum()), 1e-30)
+    return {str(n): float(square[phase == n].sum()) / total for n in np.unique(phase)}
+
+
+def _mark(phase: Array, name: str, time: Array, events: Array, before: float, after: float) -> None:
+    for event in events:
+        phase[(time >= event - before) & (time <= event + after)] = name
 
 
 def write_log(path: Path, table: Array, tracked: bool) -> None:

@@ -107,7 +107,7 @@ def run(seed: int, folder: Path) -> dict[str, Any]:
     recorder = Recorder(0.004, 10.0 ** rng.uniform(-4.3, -3.5), 1e-4, 0.0, 0.0, 2e-5)
     rows = [recorded(first, job.robot, recorder, rng, k + 1, False) for k in range(RUNS)]
     write_log(folder / "log.csv", np.concatenate(rows), False)
-    told = _asked(
+    told = asked(
         "diagnose", "--trace", folder / "log.csv", "--cell", cell, "--program", plain,
         "-o", folder / "gap",
     )  # fmt: skip
@@ -211,11 +211,12 @@ def _program(
     out: Path, source: Path, cell: Path, model: Path | None = None
 ) -> tuple[Path, dict[str, Any]]:
     more = [] if model is None else ["--model", model]
-    answer = _asked("convert", source, "--cell", cell, "-o", out, *more)
+    answer = asked("convert", source, "--cell", cell, "-o", out, *more)
     return min(out.glob("*.src"), key=lambda path: len(path.name)), answer
 
 
-def _asked(*words: Any) -> dict[str, Any]:  # noqa: ANN401 - words and paths
+def asked(*words: Any) -> dict[str, Any]:  # noqa: ANN401 - words and paths
+    """Return the JSON answer of a command."""
     command = [sys.executable, "-m", "postproc", *map(str, words), "--json"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode > 1 or not done.stdout.strip():
