@@ -271,9 +271,8 @@ class PathDiagnosis:
     @cached_property
     def contour_left(self) -> FloatArray:
         """(n,) [m] off the path less what a model file with the adopted effects takes off."""
-        kept = {
-            n: v for n, v in self.explained.items() if n in PLANNER or PATH_EFFECTS.get(n).is_kept
-        }
+        lost = {name for name, effect in PATH_EFFECTS if not effect.is_kept}
+        kept = {n: v for n, v in self.explained.items() if n not in lost}
         places = (p.value for p in self.planned if p.is_place and p.name in kept)
         zero = np.zeros_like(self.gap)
         return self._off_path(self.gap - sum(kept.values(), zero), sum(places, zero))
