@@ -6,7 +6,6 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.trace.scene import Scene
-from postproc.trace.signals import Course
 
 STEPS = 3
 LONGEST = 0.5
@@ -20,9 +19,8 @@ def contour_error(scene: Scene, actual: FloatArray) -> FloatArray:
     not mistaken.
     """
     distance = np.empty(len(actual))
-    for rows in scene.stretches:
+    for course, rows in zip(scene.commanded, scene.stretches, strict=True):
         time, points = scene.time[rows], actual[rows]
-        course = Course(time, scene.points[rows])
         at = time.copy()
         usual = float(np.max(np.sum(course.rate(time) ** 2, axis=1), initial=0.0))
         best = np.linalg.norm(points - scene.points[rows], axis=1)

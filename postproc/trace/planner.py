@@ -7,6 +7,7 @@ the feed a speed. The proof is on corners and lines that were not fitted.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -140,6 +141,7 @@ class _Passage:
         value[self.rows] = self.model(form, distance)[:, None] * inside
 
 
+@lru_cache(maxsize=256)
 def _shape(half: float, form: str) -> tuple[FloatArray, FloatArray]:
     """Return way from the corner (k,), rising, and distance inside (k,) of a corner left at 1."""
     if form == "parabola":

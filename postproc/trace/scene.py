@@ -62,6 +62,11 @@ class Scene:
         return [Course(self.time[rows], points[rows]) for rows in self.stretches]
 
     @cached_property
+    def commanded(self) -> list[Course]:
+        """The tool point of the command of each stretch as a function of time."""
+        return [Course(self.time[rows], self.points[rows]) for rows in self.stretches]
+
+    @cached_property
     def single(self) -> list[list[Course]]:
         """The reference of each joint in each stretch."""
         parts = self.stretches

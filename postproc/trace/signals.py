@@ -5,17 +5,20 @@ Everything is per stretch; nothing reaches over its end. Arrays are (n,) or (n, 
 
 from __future__ import annotations
 
+import cmath
 from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.signal import cont2discrete, lfilter
+from scipy.signal import lfilter
 
 from postproc.arrays import FloatArray
 
 DIFFERENCE = np.array([1.0, -3.0, 3.0, -1.0])
 """Third difference: blind to slow motion, and to the swing of the arm at 4 ms and less."""
+ROOTS_APART = 1e-3
+"""Share by which both roots of a filter differ at least: it moves the filter by its square."""
 FINE = 2e-3
 """Step [s] at which filters run: jerk-limited ramps of 20 ms and more are told in it."""
 NORMAL_MAD = 1.4826
@@ -76,10 +79,32 @@ def behind(step: float, values: FloatArray, first: float, second: float) -> Floa
 
 @lru_cache(maxsize=256)
 def _digital(step: float, first: float, second: float) -> tuple[FloatArray, FloatArray]:
-    """Return the filter that is exact for a signal straight between samples."""
-    bottom = [second, first, 1.0] if second > 0.0 else [first, 1.0]
-    top, below, _ = cont2discrete(([1.0], bottom), step, method="foh")  # type: ignore[call-overload]
-    return np.asarray(top[0]), np.asarray(below)
+    """Return the filter that is exact for a signal straight between samples.
+
+    The answer to a ramp in partial fractions, ``1/s^2 - first/s + sum(w / (s - r))``, in samples.
+    """
+    slow = first / step
+    if not second > 0.0:
+        pole = float(np.exp(-1.0 / slow))
+        return np.array([1.0 - slow * (1.0 - pole), slow * (1.0 - pole) - pole]), np.array(
+            [1.0, -pole]
+        )
+    # a double root is two that lie close
+    apart = 1.0 - 4.0 * second / first**2
+    apart = apart if abs(apart) > ROOTS_APART**2 else ROOTS_APART**2
+    middle = -2.0 / (first * (1.0 - apart))
+    half = middle * cmath.sqrt(apart)
+    one, two = middle + half, middle - half
+    a, b = cmath.exp(step * one), cmath.exp(step * two)
+    # of 1 / (s^2 (second s^2 + first s + 1)) at both roots
+    u, w = (one * two / (2.0 * half * r**2 * step) for r in (one, two))
+    w = -w
+    top = [
+        (1.0 + slow) + slow * (a + b) - u * (b + 2.0) - w * (a + 2.0),
+        -(1.0 + slow) * (a + b) - slow * a * b + u * (2.0 * b + 1.0) + w * (2.0 * a + 1.0),
+        (1.0 + slow) * a * b - u * b - w * a,
+    ]
+    return np.real(top), np.real([1.0, -(a + b), a * b])
 
 
 def swing(step: float, drive: FloatArray, frequency: float, damping: float) -> FloatArray:

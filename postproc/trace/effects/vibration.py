@@ -159,8 +159,7 @@ def _columns(stage: Stage, theta: FloatArray) -> FloatArray:
 def _drives(stage: Stage) -> Iterator[tuple[FloatArray, FloatArray]]:
     """Yield times at equal steps and the acceleration (m, 3) of the tool point, per stretch."""
     scene = stage.scene
-    for number, rows in enumerate(scene.stretches):
-        course = Course(scene.time[rows], scene.points[rows])
+    for number, course in enumerate(scene.commanded):
         yield course.fine, scene.kept(("drive", number), partial(_acceleration, course))
 
 
