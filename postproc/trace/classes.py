@@ -50,9 +50,10 @@ def _conditions(found: PathDiagnosis) -> list[tuple[str, str, FloatArray]]:
             rows.append(("approach", f"q{joint + 1}", scene.last_motion[:, joint]))
     for axis, name in enumerate("xyz"):
         rows.append(("place", name, scene.points[:, axis]))
-    if scene.recording.effort is not None:
-        effort = np.nan_to_num(scene.recording.effort)
-        rows += [("load", f"axis {k + 1}", effort[:, k]) for k in range(6)]
+    for effort in (scene.recording.torque, scene.recording.current):
+        if effort is not None:
+            loads = np.nan_to_num(effort).T
+            rows += [("load", f"axis {k + 1}", load) for k, load in enumerate(loads)]
     return rows
 
 

@@ -16,6 +16,7 @@ from postproc.trace.evidence import Verdict
 from postproc.trace.iso import figures
 from postproc.trace.phases import NAMES
 from postproc.trace.planner import PLANNER, Planned
+from postproc.trace.torque import torques
 from postproc.units import MM
 
 SCHEMA = "postproc.pathdiagnosis/1"
@@ -51,6 +52,7 @@ def document(found: PathDiagnosis) -> dict[str, Any]:
         "adopted": list(found.adopted),
         "residual": {"rms_mm": _mm(_rms(left)), "explained_share": _share(left, total)},
         "unexplained": unexplained(found),
+        **({} if (torque := torques(found)) is None else {"torque": torque}),
         "not_testable": _not_testable(found),
         "known": sorted({*found.known, *found.known_of_planner}),
         "remarks": list(found.recording.remarks),

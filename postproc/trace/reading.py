@@ -157,7 +157,6 @@ def _recording(path: str, thinned: Thinned) -> Recording:
     _check_time(path, time, command, stretch)
     actual = _joints(taken, ACTUAL, stretch, command)
     point = _group(taken, POINT, MM)
-    effort = _group(taken, TORQUE, 1.0)
     line = taken.get("line")
     tag = taken.get("tag")
     if thinned.total > count:
@@ -171,7 +170,8 @@ def _recording(path: str, thinned: Thinned) -> Recording:
         actual,
         _joints(taken, LINK, stretch, command),
         point,
-        _group(taken, CURRENT, 1.0) if effort is None else effort,
+        _group(taken, TORQUE, 1.0),
+        _group(taken, CURRENT, 1.0),
         None if line is None else np.where(np.isfinite(line), line, -1).astype(np.int32),
         None if tag is None else tag > 0.0,
         thinned.total,

@@ -37,7 +37,7 @@ class Recording:
         command: (n, 6) commanded joint angles [rad], without wraps.
         actual: (n, 6) at the motors; link: (n, 6) behind the gears, NaN for a joint without.
         point: (n, 3) measured tool point, robroot [m], NaN where the beam was broken.
-        effort: (n, 6) torque [N m] or current [A].
+        torque, current: (n, 6) of the motors [N m, A].
         line: (n,) of the program, -1 where none; is_cut: (n,) tool in the work, as a tag says.
         rows_read: rows of the file; more than n where a long recording was thinned.
         remarks: what was noticed while reading, in words.
@@ -51,7 +51,8 @@ class Recording:
     actual: FloatArray | None = field(default=None, metadata=column("row", 6))
     link: FloatArray | None = field(default=None, metadata=column("row", 6))
     point: FloatArray | None = field(default=None, metadata=column("row", 3))
-    effort: FloatArray | None = field(default=None, metadata=column("row", 6))
+    torque: FloatArray | None = field(default=None, metadata=column("row", 6))
+    current: FloatArray | None = field(default=None, metadata=column("row", 6))
     line: IntArray | None = field(default=None, metadata=column("row", dtype=np.int32))
     is_cut: BoolArray | None = field(default=None, metadata=column("row", dtype=np.bool_))
     rows_read: int = 0

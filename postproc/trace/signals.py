@@ -86,14 +86,14 @@ def _digital(step: float, first: float, second: float) -> tuple[FloatArray, Floa
     slow = first / step
     if not second > 0.0:
         pole = float(np.exp(-1.0 / slow))
-        return np.array([1.0 - slow * (1.0 - pole), slow * (1.0 - pole) - pole]), np.array(
-            [1.0, -pole]
-        )
-    # a double root is two that lie close
-    apart = 1.0 - 4.0 * second / first**2
-    apart = apart if abs(apart) > ROOTS_APART**2 else ROOTS_APART**2
-    middle = -2.0 / (first * (1.0 - apart))
-    half = middle * cmath.sqrt(apart)
+        now = 1.0 - slow * (1.0 - pole)
+        return np.array([now, 1.0 - pole - now]), np.array([1.0, -pole])
+    middle = -0.5 * first / second
+    half = cmath.sqrt(middle**2 - 1.0 / second)
+    if abs(half) < ROOTS_APART * abs(middle):
+        # a double root is two that lie close
+        half = complex(ROOTS_APART * middle)
+        slow = -2.0 * middle / (middle**2 - half.real**2) / step
     one, two = middle + half, middle - half
     a, b = cmath.exp(step * one), cmath.exp(step * two)
     # of 1 / (s^2 (second s^2 + first s + 1)) at both roots

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tools.blind.chain import Array, Dimensions
+from tools.blind.chain import Array, Dimensions, G
 
 FINE = 0.001
 """Step [s] of the simulation."""
@@ -48,6 +48,33 @@ def _rotation(axis: Array, angle: Array) -> Array:
 def jacobian(arm: Dimensions, tool: Array, q: Array) -> Array:
     """Return (n, 6, 6): point then rotation."""
     return _chained(arm, tool, q)[2]
+
+
+def torques(arm: Dimensions, load: Array, mass: float, q: Array, step: float = FINE) -> Array:
+    """Return what the drives give (n, 6) [N m] for links and a load that are points of mass.
+
+    By virtual work: each mass, its acceleration less gravity, along its way with each joint.
+
+    ``load``: (3,) place of the mass [kg] in the flange [m]; ``q``: (n, 6) at equal steps [s].
+    """
+    n = len(q)
+    R, p = np.tile(np.eye(3), (n, 1, 1)), np.zeros((n, 3))
+    axes, places, found = np.empty((6, n, 3)), np.empty((6, n, 3)), np.zeros((n, 6))
+    for k in range(6):
+        turn = _rotation(arm.axis[k], q[:, k])
+        axes[k], places[k] = R @ arm.axis[k], p + R @ arm.point[k]
+        p = p + np.einsum("nij,nj->ni", R, arm.point[k] - turn @ arm.point[k])
+        R = R @ turn
+        weights = [(arm.mass[k], arm.com[k])]
+        if k == 5:
+            weights.append((mass, arm.flange[:3, 3] + arm.flange[:3, :3] @ load))
+        for kg, at in weights:
+            point = p + R @ at
+            rate = np.gradient(np.gradient(point, step, axis=0), step, axis=0)
+            for j in range(k + 1):
+                way = np.cross(axes[j], point - places[j])
+                found[:, j] += kg * np.sum(way * (rate - G), axis=1)
+    return found
 
 
 def ik(arm: Dimensions, tool: Array, start: Array, points: Array) -> Array:
