@@ -183,8 +183,7 @@ def _row(
 def _effect(found: PathDiagnosis, verdict: Verdict, proof: Proof) -> dict[str, Any]:
     name, effect = proof.name, PATH_EFFECTS.get(proof.name)
     fitted = verdict.fitted if name in verdict.adopted else verdict.with_each[name]
-    deviation = float(np.sqrt(np.mean(verdict.worth))) * fitted.deviations[name]
-    table = effect.table(verdict.stage, fitted.thetas[name], deviation)
+    table = effect.table(verdict.stage, fitted.thetas[name], fitted.deviations[name])
     probability = verdict.probability[name] * proof.outweighs
     row = _row(proof, probability, table, found.withheld_on, (effect.title, effect.action))
     is_adopted = name in found.adopted and name in verdict.adopted

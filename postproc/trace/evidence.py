@@ -15,7 +15,7 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.records import dataclass
 from postproc.trace.effect import PATH_EFFECTS
-from postproc.trace.fit import Fit, fit, rest_of, values_of
+from postproc.trace.fit import Fit, fit, rest_of, unusual, values_of
 from postproc.trace.recording import SHORTEST
 from postproc.trace.scene import Stage
 from postproc.trace.signals import memory, white_sigma
@@ -220,22 +220,20 @@ def _evidence(found: Fit, sigma: FloatArray, worth: FloatArray) -> float:
     # what is below the noise of the rows is no merit
     floor = (0.5 * sigma) ** 2 * found.count
     left = np.log(np.maximum(found.squares, np.maximum(floor, 1e-30)))
-    cost = 0.5 * float(np.sum(found.count / worth * left)) + _price(found, sigma, worth)
+    cost = 0.5 * float(np.sum(found.count / worth * left)) + _price(found, worth)
     return len(found.thetas) * float(np.log(PRIOR_ODDS)) - cost
 
 
-def _price(found: Fit, sigma: FloatArray, worth: FloatArray) -> float:
+def _price(found: Fit, worth: FloatArray) -> float:
     """Return what the freedom of a set costs: how much narrower the rows made its usual sizes."""
     one = np.log(max(2.0, float(np.mean(found.count / worth))))
-    rows = found.squares / np.maximum(found.count, 1.0) / np.maximum(sigma, WEIGHTLESS) ** 2
-    wider = float(np.sqrt(np.mean(worth * np.maximum(rows, 1.0))))
     price, told = 0.0, 0
     for name, theta in found.thetas.items():
-        width = PATH_EFFECTS.get(name).widths(theta)
-        deviation = wider * found.deviations[name]
+        width, deviation = PATH_EFFECTS.get(name).widths(theta), found.deviations[name]
         sized = np.isfinite(width) & np.isfinite(deviation) & (theta != 0.0)
         told += int(sized.sum())
         price += float(np.sum(np.log(np.maximum(1.0, width[sized] / deviation[sized]))))
+        price += unusual(name, theta)
     return float(price + 0.5 * one * max(0, found.free - told))
 
 
@@ -273,14 +271,15 @@ def _matters(stage: Stage, found: Fit, name: str, sigma: FloatArray) -> bool:
 def folds_of(stage: Stage, worth: float) -> IntArray:
     """Return which fold (n,) each row is withheld in: whole runs, or stretches in turn.
 
-    A stretch is as long as ``APART`` independent rows: what is seen once can be proven only on
-    a part of itself.
+    A stretch is as long as ``APART`` independent rows, as far as each fold has two of them: what
+    is seen once can be proven only on a part of itself.
     """
     run = stage.scene.recording.run
     runs, number = np.unique(run, return_inverse=True)
     if len(runs) >= WHOLE_RUNS:
         return np.asarray(number % FOLDS, dtype=np.int32)
-    block = (np.arange(len(run)) / (APART * worth)).astype(np.int32)
+    length = min(APART * worth, len(run) / (2.0 * FOLDS))
+    block = (np.arange(len(run)) / length).astype(np.int32)
     return np.asarray(block % FOLDS, dtype=np.int32)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from postproc.arrays import BoolArray, FloatArray
 from postproc.records import dataclass
 from postproc.trace.effect import PATH_EFFECTS
 from postproc.trace.scene import Stage
+from postproc.trace.signals import memory
 
 STEPS = 6
 """Most steps of a fit; each is a whole least squares."""
@@ -24,9 +26,10 @@ class Fit:
     """Parameters by effect at a stage.
 
     Args:
-        thetas: parameters; deviations: of each under white noise.
+        thetas: parameters; deviations: of each, as long as the rest lasts and as large as it is.
         constants: (m,) mean of each output that no effect makes.
         squares: (m,) sum of squares of the rest over the rows fitted; count: (m,) of these rows.
+        weight: (m,) of a row: the rest has so little size and memory where it was left.
     """
 
     thetas: dict[str, FloatArray]
@@ -34,6 +37,7 @@ class Fit:
     constants: FloatArray
     squares: FloatArray
     count: FloatArray
+    weight: FloatArray
 
     @property
     def free(self) -> int:
@@ -80,17 +84,18 @@ def fit(
     for _ in range(1, steps):
         now = _moved(at, best.thetas, share)
         solved = _solved(stage, now, sigma, good)
-        change = _cost(best.squares, sigma) - _cost(solved.squares, sigma)
+        before = _cost(at, best.squares, best.weight)
+        change = before - _cost(now, solved.squares, best.weight)
         # a step that makes it worse went too far
         if change < 0.0:
             share *= 0.5
         else:
             at, best, share = now, solved, 1.0
-        if abs(change) <= CLOSE * _cost(best.squares, sigma):
+        if abs(change) <= CLOSE * before:
             break
     ends = [(end, *_left(stage, end, good)) for end in (at, _moved(at, best.thetas, share))]
-    now, constants, squares = min(ends, key=lambda end: _cost(end[2], sigma))
-    return Fit(now, best.deviations, constants, squares, good.sum(axis=1).astype(np.float64))
+    now, constants, squares = min(ends, key=lambda end: _cost(end[0], end[2], best.weight))
+    return replace(best, thetas=dict(now), constants=constants, squares=squares)
 
 
 def _moved(at: Thetas, to: Thetas, share: float) -> dict[str, FloatArray]:
@@ -105,8 +110,15 @@ def _left(stage: Stage, thetas: Thetas, good: BoolArray) -> tuple[FloatArray, Fl
     return constants, np.where(good, (rest - constants[:, None]) ** 2, 0.0).sum(axis=1)
 
 
-def _cost(squares: FloatArray, sigma: FloatArray) -> float:
-    return float(np.sum(squares / np.maximum(sigma, 1e-12) ** 2))
+def unusual(name: str, theta: FloatArray) -> float:
+    """Return by how many nats parameters are rarer than 0, as Cauchy's distribution has it."""
+    return float(np.sum(np.log1p((theta / PATH_EFFECTS.get(name).widths(theta)) ** 2)))
+
+
+def _cost(thetas: Thetas, squares: FloatArray, weight: FloatArray) -> float:
+    """Return twice the negative logarithm of the posterior, but for a constant."""
+    rare = sum(unusual(name, theta) for name, theta in thetas.items())
+    return float(np.sum(weight * squares)) + 2.0 * rare
 
 
 def _means(rest: FloatArray, good: BoolArray) -> FloatArray:
@@ -115,7 +127,10 @@ def _means(rest: FloatArray, good: BoolArray) -> FloatArray:
 
 
 def _solved(stage: Stage, thetas: Thetas, sigma: FloatArray, good: BoolArray) -> Fit:
-    """Return one step of Gauss and Newton, with priors of the usual sizes."""
+    """Return one step of Gauss and Newton, with priors of the usual sizes.
+
+    A row weighs by the size of the rest and by how long it lasts, as in the evidence.
+    """
     names = list(thetas)
     parts = {name: PATH_EFFECTS.get(name).part(stage, theta) for name, theta in thetas.items()}
     firsts = dict(zip(names, np.cumsum([0, *(len(thetas[n]) for n in names)]), strict=False))
@@ -130,7 +145,7 @@ def _solved(stage: Stage, thetas: Thetas, sigma: FloatArray, good: BoolArray) ->
         for piece in parts[name].pieces:
             place = [firsts[name] + k for k in piece.index]
             by_output.setdefault(piece.output, []).append((place, piece.columns))
-    squares = np.zeros(m)
+    squares, weights = np.zeros(m), np.zeros(m)
     for output in range(m):
         rows = good[output]
         if not rows.any():
@@ -139,17 +154,20 @@ def _solved(stage: Stage, thetas: Thetas, sigma: FloatArray, good: BoolArray) ->
         index = [k for place, _ in pieces for k in place] + [total + output]
         X = np.concatenate([*(c[rows] for _, c in pieces), np.ones((int(rows.sum()), 1))], axis=1)
         y = rest[output, rows]
-        weight = 1.0 / max(float(sigma[output]), 1e-12) ** 2
+        squares[output] = float(np.sum((y - y.mean()) ** 2))
+        lasting = memory(np.where(rows, rest[output] - y.mean(), np.nan), stage.scene.stretches)
+        level = max(squares[output] / len(y), max(float(sigma[output]), 1e-12) ** 2)
+        weight = weights[output] = 1.0 / (lasting * level)
         np.add.at(N, np.ix_(index, index), weight * (X.T @ X))
         np.add.at(g, index, weight * (X.T @ y))
-        squares[output] = float(np.sum((y - y.mean()) ** 2))
     theta = np.concatenate([*(thetas[n] for n in names), np.zeros(m)])
     width = np.concatenate(
         [*(PATH_EFFECTS.get(n).widths(thetas[n]) for n in names), np.full(m, np.inf)]
     )
     touched = N.diagonal() > 0.0
-    N[np.diag_indices_from(N)] += 1.0 / width**2
-    g -= theta / width**2
+    rare = 2.0 / (width**2 + theta**2)
+    N[np.diag_indices_from(N)] += rare
+    g -= theta * rare
     scale = 1.0 / np.sqrt(np.where(touched, N.diagonal(), 1.0))
     A = N * scale * scale[:, None]
     A[np.diag_indices_from(A)] = np.where(touched, A.diagonal() + 1e-10, 1.0)
@@ -163,4 +181,5 @@ def _solved(stage: Stage, thetas: Thetas, sigma: FloatArray, good: BoolArray) ->
         rows = slice(firsts[name], firsts[name] + len(thetas[name]))
         new[name] = theta[rows] + step[rows]
         spread[name] = deviation[rows]
-    return Fit(new, spread, step[total:], squares, good.sum(axis=1).astype(np.float64))
+    count = good.sum(axis=1).astype(np.float64)
+    return Fit(new, spread, step[total:], squares, count, weights)

@@ -153,9 +153,9 @@ class ReversalError(PathEffect):
         return stays
 
     def widths(self, theta: FloatArray) -> FloatArray:
-        """Return a twentieth of a degree; any length and delay is as likely."""
-        widths = np.full(len(theta), 0.05 * DEG)
-        widths[[_LENGTH, _SHIFT]] = np.inf
+        """Return a twentieth of a degree for heights; any course is as likely."""
+        widths = np.full(len(theta), np.inf)
+        widths[:12] = 0.05 * DEG
         return widths
 
     def moved(self, theta: FloatArray, step: FloatArray) -> FloatArray:

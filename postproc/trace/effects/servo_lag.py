@@ -67,7 +67,9 @@ class ServoLag(PathEffect):
                 bend = float(step[1])
             # to the second order a loop bends by half of first^2 less second, whatever its size
             second = np.clip(0.5 * TRIED**2 - bend, 0.0, (TRIED / (2.0 * RINGS)) ** 2)
-            tried = [(total, *loop) for loop in np.stack([TRIED, second], axis=1).tolist()]
+            loops = zip(TRIED.tolist(), second.tolist(), strict=True)
+            most = max(total + LOOP, SHORT)
+            tried = [(total, 0.0, 0.0), *((total, *loop) for loop in loops if loop[0] <= most)]
             left = [np.var((rest[joint] - lagged(stage, joint, t))[good]) for t in tried]
             theta[joint::6] = tried[int(np.argmin(left))]
         return theta
@@ -104,6 +106,8 @@ class ServoLag(PathEffect):
         # a loop that leaps to nothing never comes back
         new[loop] = np.maximum(new[loop], 0.5 * theta[loop])
         new[6:12] = np.minimum(new[6:12], 2.0 * theta[6:12])
+        # pre-control takes off what a slow loop is late by, no more
+        new[6:12] = np.minimum(new[6:12], np.maximum(new[:6] + LOOP, SHORT))
         new[12:] = np.minimum(new[12:], (new[6:12] / (2.0 * RINGS)) ** 2)
         return np.asarray(new)
 
