@@ -244,6 +244,11 @@ def summary(told: dict[str, Any]) -> Sequence[str]:
                 f"{row['name']}: {row['title']}; {row['rms_before_mm']:.3f} mm becomes"
                 f" {row['rms_after_mm']:.3f} mm on {row['judged_on']}"
             )
+    for row in told.get("torque", {}).get("joints", ()):
+        if row["saturated_rows"]:
+            lines.append(
+                f"A{row['joint']} stands at its torque limit in {row['saturated_rows']} rows"
+            )
     worst = told["where"]["phases"][:1]
     lines += [f"most of it in the phase {w['phase']} ({w['share']:.0%})" for w in worst]
     if told["verdict"] == "unexplained":

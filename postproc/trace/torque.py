@@ -70,6 +70,11 @@ class _Rows:
             X = np.concatenate([self.own[use, joint], self.shared[use, joint]], axis=1)
             N[np.ix_(at, at)] += self.share[joint] * (X.T @ X)
             g[at] += self.share[joint] * (X.T @ self.wanted[use, joint])
+        # no weight pulls with more than all that was measured
+        size = np.sqrt(np.mean(np.where(self.good, self.wanted, 0.0) ** 2))
+        N.flat[6 * k * (6 * k + p + 1) :: 6 * k + p + 1] += (
+            np.mean(self.shared**2, axis=(0, 1)) / max(size, LEAST) ** 2
+        )
         scale = 1.0 / np.sqrt(np.maximum(N.diagonal(), 1e-30))
         inverse = (
             scale

@@ -7,7 +7,7 @@ from postproc.jobs.diagnose_trace import diagnose_trace
 from tools.blind.robots import COBOT, KR500, cell_text, urdf
 from tools.blind.traces.robot import torques
 
-STEP = 0.008
+STEP = 0.016
 VISCOUS = np.array([12.0, 15.0, 8.0, 3.0, 2.0, 1.5])
 COULOMB = np.array([9.0, 14.0, 7.0, 2.5, 2.0, 1.2])
 MASS, AT = 0.8, np.array([0.02, -0.03, 0.1])

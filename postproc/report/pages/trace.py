@@ -53,6 +53,10 @@ def trace_page(found: PathDiagnosis, content: dict[str, Any]) -> bytes:
         if stage.in_joints:
             for joint, row in enumerate(stage.gap):
                 page.section(f"A{joint + 1}, {stage.name}", _axis(found, row), "half")
+    if "torque" in content:
+        heads = list(content["torque"]["joints"][0]) if content["torque"]["joints"] else ["joint"]
+        torque = [[*map(str, row.values())] for row in content["torque"]["joints"]]
+        page.section("Torque of the joints, beside rigid links", table(heads, torque))
     if content["unexplained"]:
         rest = [(r["class"], r["of"], f"{r['rms_mm']:.4f}") for r in content["unexplained"]]
         page.section("What the rest follows", table(("class", "of", "rms [mm]"), rest))
