@@ -9,7 +9,7 @@ which nothing moves farther than the resolution; there the ends are checked and 
 Motions that follow each other, as the samples of a LIN or CIRC do, are first looked at as a whole,
 and with them those of a LIN that goes back the same way: all of them stay near the straight motion
 from the first start to the last end, by less than their largest deviation from it. Pairs that are
-free over all of that need no further look; the others are looked at so for a few motions at a time.
+free over all of that need no further look; the others are looked at so by halves, down to motions.
 
 So a motion said to be free is free at every sample taken and at its ends, and between them nothing
 is touched but by grazing contact in which no point moves farther than the resolution.
@@ -32,7 +32,7 @@ RESOLUTION = 1e-3
 """Default length [m] below which a span is not cut further."""
 _TOGETHER = 16 * CHUNK
 """Motions whose spans are cut together: the last rounds hold few spans of each thousand."""
-_PIECE = 0.1
+_PIECE = 0.4
 """Largest joint motion [rad] of a span at first: over more than that most pairs come near."""
 _NEAR = 1e-5
 """A track that begins and ends so near [rad or m] to the end and the start of the one before may
@@ -41,8 +41,6 @@ _MERGED = 16
 """So many tracks of one short motion each are looked at as one where they lead on."""
 _SHORT = 0.05
 """Longest way [rad or m] of an axis on such a motion."""
-_FEW = 4
-"""Motions of a track that are looked at as one where all of it is not free."""
 _WORTH = 0.05
 """Share of a span that a bound from boxes must prove, else the solids are looked at."""
 _CLOSE = 1e-4
@@ -110,6 +108,44 @@ class _Found:
     share: FloatArray
 
 
+@dataclass(frozen=True, slots=True)
+class _Laid:
+    """Motions (m,) laid along their tracks; one that runs back along the one before lies on it.
+
+    ``alone`` (a,): motions that are a track each; ``order`` (k,): those of the others by track and
+    place, ``starts`` (t + 1,): where each track begins there. ``track`` (m,), ``place`` (m,): where
+    each lies, of ``count`` (m,) places; ``low`` and ``high`` (m, 6): its ends, that of less place
+    first.
+    """
+
+    alone: IndexArray
+    order: IndexArray
+    starts: IndexArray
+    track: IndexArray
+    place: IndexArray
+    count: IndexArray
+    low: FloatArray
+    high: FloatArray
+
+    @classmethod
+    def of(cls, q_from: FloatArray, q_to: FloatArray, track: IndexArray | None) -> _Laid:
+        """Return motions (m, 6) to (m, 6) [rad]; ``track`` (m,) as of ``MotionCheck.run``."""
+        m = np.arange(len(q_from))
+        if track is None:
+            return cls(m, m[:0], m[:1], m, np.zeros_like(m), np.ones_like(m), q_from, q_to)
+        starts = _merged(q_from, q_to, np.flatnonzero(np.diff(track, prepend=track[:1] - 1)))
+        is_back = _run_back(q_from, q_to, starts)
+        owner, place = numbered(np.diff(np.append(starts, len(m))))
+        back, count = is_back[owner], np.bincount(owner)[owner]
+        place = np.where(back, count - 1 - place, place)
+        number = (np.cumsum(~is_back) - 1)[owner]
+        size = np.bincount(number)
+        order, single = np.lexsort((place, number)), size[number] == 1
+        ends = (np.where(back[:, None], *both) for both in ((q_to, q_from), (q_from, q_to)))
+        begins = np.append(0, np.cumsum(size[size > 1]))
+        return cls(m[single], order[~single[order]], begins, number, place, count, *ends)
+
+
 class MotionCheck:
     """Checks straight joint motions.
 
@@ -140,104 +176,60 @@ class MotionCheck:
         """
         pair = np.full(len(q_from), NO_PAIR, dtype=np.int64)
         share = np.full(len(q_from), np.nan)
-        if track is None:
-            for rows in chunks(len(q_from), _TOGETHER):
-                wanted = self._engine.wanted(contact[rows])
-                wanted = np.broadcast_to(wanted, (len(self._engine.table), rows.stop - rows.start))
-                found = self._run(q_from[rows], q_to[rows], wanted, is_first=True)
-                pair[rows], share[rows] = found
-            return MotionHits(pair != NO_PAIR, pair, share, self._engine.names)
-        starts = _merged(q_from, q_to, np.flatnonzero(np.diff(track, prepend=track[:1] - 1)))
-        turns, share_at = _there_and_back(q_from, q_to, starts)
-        starts = starts[turns >= 0]
-        turns, ends = turns[turns >= 0], np.append(starts[1:], len(track))
-        for together in chunks(len(starts), _TOGETHER):
-            parts = []
-            for tracks in chunks(together.stop - together.start):
-                first = starts[together][tracks]
-                part = slice(int(first[0]), int(ends[together][tracks][-1]))
-                left, open_ = self._open_pieces(
-                    q_from[part],
-                    q_to[part],
-                    contact[part],
-                    first - part.start,
-                    turns[together][tracks] - part.start,
-                    share_at[:, part],
-                )
-                there = turns[together][tracks] - first + 1
-                self._close_few(q_from[part], q_to[part], first - part.start, there, left, open_)
-                some = np.flatnonzero(open_.any(axis=0))
-                parts.append((part.start + left[some], open_[:, some]))
+        laid = _Laid.of(q_from, q_to, track)
+        for part in chunks(len(laid.alone), _TOGETHER):
+            todo = laid.alone[part]
+            wanted = self._engine.wanted(contact[todo])
+            wanted = np.broadcast_to(wanted, (len(wanted), len(todo)))
+            found = self._run(q_from[todo], q_to[todo], wanted, is_first=True)
+            pair[todo], share[todo] = found
+        for together in chunks(len(laid.starts) - 1, _TOGETHER):
+            starts = laid.starts[together.start : together.stop + 1]
+            parts = [
+                self._open_motions(laid, laid.order[starts[t.start] : starts[t.stop]], contact)
+                for t in chunks(len(starts) - 1)
+            ]
             todo, open_ = (np.concatenate(found, axis=-1) for found in zip(*parts, strict=True))
             found = self._run(q_from[todo], q_to[todo], open_, is_first=False)
             pair[todo], share[todo] = found
         return MotionHits(pair != NO_PAIR, pair, share, self._engine.names)
 
-    def _open_pieces(
-        self,
-        q_from: FloatArray,
-        q_to: FloatArray,
-        contact: BoolArray,
-        starts: IndexArray,
-        turns: IndexArray,
-        share: FloatArray,
+    def _open_motions(
+        self, laid: _Laid, todo: IndexArray, contact: BoolArray
     ) -> tuple[IndexArray, BoolArray]:
-        """Return motions (k,) on tracks that are not free all along, and by which pairs (p, k).
+        """Return motions (k,) that are not free as parts of tracks, and by which pairs (p, k).
+
+        A track is looked at as a whole, what is open of it by halves, then by quarters, and so on.
 
         Args:
-            q_from: (m, 6) [rad].
-            q_to: (m, 6) [rad].
-            contact: (m,) cutting solids may touch.
-            starts: (t,) first motion of each track.
-            turns: (t,) its last before it runs back.
-            share: (2, m) how far along the track each motion begins and ends.
+            laid: all motions.
+            todo: (m,) those of some tracks, in order.
+            contact: where cutting solids may touch.
         """
-        some = np.logical_or.reduceat(contact, starts)
-        wanted = self._engine.wanted(some)
-        if some.any():  # what is wanted of any of its motions
-            wanted = wanted | self._engine.wanted(np.logical_and.reduceat(contact, starts))
-        wanted = np.broadcast_to(wanted, (len(wanted), len(starts)))
-        chord = q_from[starts], q_to[turns]
-        open_ = self._open_along((q_from, q_to), chord, starts, share, wanted, self._near)
-        owner, _ = numbered(np.diff(np.append(starts, len(q_from))))
-        is_open = np.asarray(open_.any(axis=0))
-        rows = np.flatnonzero(is_open[owner])
-        return rows, open_[:, owner[rows]] & self._engine.wanted(contact[rows])
-
-    def _close_few(
-        self,
-        q_from: FloatArray,
-        q_to: FloatArray,
-        starts: IndexArray,
-        there: IndexArray,
-        left: IndexArray,
-        open_: BoolArray,
-    ) -> None:
-        """Take out of pairs (p, k) that are open, in place, those free over a few motions.
-
-        Args:
-            q_from: (m, 6) [rad].
-            q_to: (m, 6) [rad].
-            starts: (t,) first motion of each track.
-            there: (t,) how many of its motions lead there; a few were looked at as one already.
-            left: (k,) motions with open pairs.
-            open_: (p, k).
-        """
-        owner, step = (at[left] for at in numbered(np.diff(np.append(starts, len(q_from)))))
-        some = np.flatnonzero((there > _FEW)[owner])
-        if not len(some):
-            return
-        few = (owner * len(q_from) + step // _FEW)[some]
-        first = np.flatnonzero(np.diff(few, prepend=-1))
-        count = np.diff(np.append(first, len(some)))
-        owner, step = numbered(count)
-        share = np.stack([step, step + 1]) / count[owner]
-        rows, last = left[some], first + count - 1
-        ends = taken(q_from, rows), taken(q_to, rows)
-        chord = taken(ends[0], first), taken(ends[1], last)
-        wanted = np.logical_or.reduceat(open_[:, some], first, axis=1)
-        found = self._open_along(ends, chord, first, share, wanted, self._near_among)
-        open_[:, some] &= found[:, owner]
+        wanted = self._engine.wanted(contact[todo])
+        open_ = np.broadcast_to(wanted, (len(wanted), len(todo)))
+        parts, near = 1, self._near
+        left: list[tuple[IndexArray, BoolArray]] = []
+        while len(todo):
+            place, count = laid.place[todo], laid.count[todo]
+            track, part = laid.track[todo], place * parts // count
+            first = np.flatnonzero(np.diff(track, prepend=-1) | np.diff(part, prepend=-1))
+            size = np.diff(np.append(first, len(todo)))
+            last, of = first + size - 1, np.repeat(np.arange(len(first)), size)
+            ends = taken(laid.low, todo), taken(laid.high, todo)
+            chord = taken(ends[0], first), taken(ends[1], last)
+            step = np.stack([place, place + 1]) - place[first][of]
+            share = step / (place[last] + 1 - place[first])[of]
+            wanted = np.logical_or.reduceat(open_, first, axis=1)
+            found = self._open_along(ends, chord, first, share, wanted, near)
+            open_ = open_ & found[:, of]
+            some = open_.any(axis=0)
+            done = some & ((size[of] == 1) | (parts >= count))
+            left.append((todo[done], open_[:, done]))
+            todo, open_ = todo[some & ~done], open_[:, some & ~done]
+            parts, near = 2 * parts, self._near_among
+        rows, opens = zip(*left, strict=True)
+        return np.concatenate(rows), np.concatenate(opens, axis=1)
 
     def _open_along(
         self,
@@ -278,7 +270,7 @@ class MotionCheck:
     ) -> tuple[IndexArray, FloatArray]:
         """Return pair and share (m,) of motions; ``wanted`` (p, m), ``is_first``: most pairs."""
         m = len(q_from)
-        spans = _pieces(q_from, q_to, wanted)
+        spans = _pieces(q_from, q_to, wanted, 1 if is_first else 2)  # as a whole it was looked at
         pair, share = np.full(m, NO_PAIR, dtype=np.int64), np.full(m, np.nan)
         while len(spans):
             steps = [
@@ -433,23 +425,15 @@ def _merged(q_from: FloatArray, q_to: FloatArray, starts: IndexArray) -> IndexAr
     return np.asarray(starts[place % _MERGED == 0])
 
 
-def _there_and_back(
-    q_from: FloatArray, q_to: FloatArray, starts: IndexArray
-) -> tuple[IndexArray, FloatArray]:
-    """Join tracks that run back to where the one before began, as a drill does.
+def _run_back(q_from: FloatArray, q_to: FloatArray, starts: IndexArray) -> BoolArray:
+    """Return which tracks (t,) run back to where the one before began, as a drill does.
 
     Args:
         q_from: (m, 6) [rad].
         q_to: (m, 6) [rad].
         starts: (t,) first motion of each track.
-
-    Returns:
-        The last motion (t,) of each track before it runs back, -1 for one that runs back along the
-        one before; how far along its track (2, m) each motion begins and ends.
     """
     count = np.diff(np.append(starts, len(q_from)))
-    owner, step = numbered(count)
-    share = np.stack([step, step + 1]) / count[owner]
     turns = starts + count - 1
     is_back = np.zeros(len(starts), dtype=np.bool_)
     is_back[1:] = count[1:] == count[:-1]
@@ -460,18 +444,18 @@ def _there_and_back(
         is_back[1:] &= (np.abs(one - other) < _NEAR).all(axis=1)
     every = np.arange(len(starts))
     is_back &= (every - np.maximum.accumulate(np.where(is_back, 0, every))) % 2 == 1
-    share[:, is_back[owner]] = 1.0 - share[:, is_back[owner]]
-    return np.where(is_back, -1, turns), share
+    return is_back
 
 
-def _pieces(q_from: FloatArray, q_to: FloatArray, wanted: BoolArray) -> _Spans:
+def _pieces(q_from: FloatArray, q_to: FloatArray, wanted: BoolArray, least: int) -> _Spans:
     """Return motions (m,) cut into spans on which no joint moves farther than ``_PIECE``.
 
-    As far as all spans are looked at together: with many motions most are better proven whole.
+    As far as all spans are looked at together: with many motions most are better proven whole. Each
+    is cut into ``least`` at least.
     """
     way = np.abs(q_to - q_from).max(axis=1, initial=0.0)
-    most = max(1, CHUNK // max(1, len(way)))
-    count = np.clip(np.ceil(way / _PIECE), 1, most).astype(np.int64)
+    most = max(least, CHUNK // max(1, len(way)))
+    count = np.clip(np.ceil(way / _PIECE), least, most).astype(np.int64)
     motion, step = numbered(count)
     return _Spans(motion, step / count[motion], (step + 1) / count[motion], wanted[:, motion])
 
