@@ -61,13 +61,15 @@ def check(
             are not looked at, and it is the one that is told.
     """
     pair = np.full(len(q), NO_PAIR, dtype=np.int64)
+    wanted = engine.wanted(contact) if only is None else engine.wanted(contact) & only[:, None]
+    wanted = np.broadcast_to(wanted, (len(wanted), len(q)))
     if likely is not None:
-        _note_likely(engine, q, contact, likely, pair)
+        wanted = _without_likely(engine, q, likely, wanted, pair)
     todo = np.flatnonzero(pair == NO_PAIR)
+    margin = engine.table.margin[:, None]
     for part in chunks(len(todo)):
         rows = todo[part]
-        touch = None if contact is None else contact[rows]
-        found = _candidates(engine, q[rows], touch, only)
+        found = engine.candidates(engine.place(q[rows]), margin, wanted[:, rows])
         entries = first_hits(engine, found)
         pair[rows[found.near.row[entries]]] = found.near.pair[entries]
         if tally is not None:
@@ -76,34 +78,25 @@ def check(
     return Hits(pair != NO_PAIR, pair, engine.names)
 
 
-def _note_likely(
-    engine: Engine, q: FloatArray, contact: BoolArray | None, likely: IndexArray, pair: IndexArray
-) -> None:
-    """Set ``pair`` (n,) where the surfaces of the likely one meet and may not."""
-    wanted = engine.wanted(contact)
+def _without_likely(
+    engine: Engine, q: FloatArray, likely: IndexArray, wanted: BoolArray, pair: IndexArray
+) -> BoolArray:
+    """Return wanted pairs (p, n) without the likely (n,); where these collide ``pair`` is set."""
     known = np.flatnonzero(likely != NO_PAIR)
-    known = known[wanted[likely[known], known if wanted.shape[1] > 1 else 0]]
+    known = known[wanted[likely[known], known]]
     for part in chunks(len(known)):
         rows = known[part]
         met = rows[engine.met(q[rows], likely[rows])]
         pair[met] = likely[met]
+    left = wanted.copy()
+    left[likely[known], known] = False
+    return left
 
 
 def chunks(count: int, size: int = CHUNK) -> Iterator[slice]:
     """Yield slices of at most ``size`` that cover ``count`` rows."""
     for start in range(0, count, size):
         yield slice(start, min(count, start + size))
-
-
-def _candidates(
-    engine: Engine, q: FloatArray, contact: BoolArray | None, only: BoolArray | None
-) -> Candidates:
-    """Return the pairs that may collide in configurations (n, 6)."""
-    margin = engine.table.margin[:, None]
-    wanted = engine.wanted(contact)
-    if only is not None:
-        wanted = wanted & only[:, None]
-    return engine.candidates(engine.place(q), margin, wanted)
 
 
 def first_hits(engine: Engine, found: Candidates) -> np.ndarray:

@@ -214,11 +214,12 @@ class Engine:
         return Candidates(near.rows(kept), taken(R, kept), taken(p, kept))
 
     def met(self, q: FloatArray, pair: np.ndarray) -> BoolArray:
-        """Return (n,) whether one pair each meets at configurations (n, 6 + k)."""
+        """Return (n,) whether one pair each collides at configurations (n, 6 + k)."""
         near = Near(pair, np.arange(len(q)), np.zeros(len(q)))
         found = Candidates(near, *self._culler.relative(self.frames(q), near))
-        none = np.zeros(len(q))
-        return np.asarray(self.distances(found, np.arange(len(q)), none, none) <= 0.0)
+        margin = self.table.margin[pair]
+        every = np.arange(len(q))
+        return np.asarray(self.distances(found, every, margin, margin, margin) <= margin)
 
     def distances(
         self,
