@@ -280,11 +280,12 @@ def also_colliding(search: PoseSearch, failing: IndexArray) -> IndexArray:
 
     From every failing pose the check spreads over the poses around it (spin and tag, wrist turned
     over), without their strokes, until it has found the whole colliding region and its rim: the
-    next best way would mostly run into the next pose of the same region.
+    next best way would mostly run into the next pose of the same region. Poses in a window stand on
+    no grid, and a few rounds lead out of what is so near to a free one.
     """
     states, reason = search.states, search.reason
     found = [failing[reason[failing] == Reason.COLLISION]]
-    front = failing
+    front = failing if search.options.window is None else failing[:0]
     while len(front):
         poses, likely = _around(search, front)
         fresh = search.asked[poses] & SEEN == 0

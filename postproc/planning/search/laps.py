@@ -18,8 +18,7 @@ from postproc.planning.checks import Checker
 from postproc.planning.search.between import Interpolation
 from postproc.planning.search.constants import AHEAD, LAP
 from postproc.planning.search.edges import Edges
-from postproc.planning.search.failing import SEEN
-from postproc.planning.search.pose_search import CHECKED, FREE, PoseSearch
+from postproc.planning.search.pose_search import CHECKED, PoseSearch
 from postproc.planning.search.rungs import SearchOptions, Window, yardstick
 
 
@@ -69,7 +68,7 @@ def _lapped(
     whole = PoseSearch.of(checker, tags, replace(options, window=own), between)
     if len(whole.states.q) != len(tags):
         return None
-    whole.asked[:] = CHECKED | SEEN | FREE
+    whole.asked[:] |= CHECKED
     own_edges = Edges(*(getattr(edges, name)[tags] for name in Edges.__slots__))
     return replace(whole, edges=own_edges)
 

@@ -104,6 +104,9 @@ class PoseSearch:
             failing=FailingCuts(between, SHORT if options.stretch is None else 0.0),
         )
         search.ladder.joins = search.joins_anew()
+        if options.window is not None:
+            own = options.window.tilt[tags] * states.spins.shape[-1]
+            search.asked[states.column == own[states.tag_of(np.arange(size))]] = SEEN | FREE
         return search
 
     def joins_anew(self) -> Joins:

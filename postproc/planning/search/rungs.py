@@ -97,7 +97,8 @@ class Parted(NamedTuple):
 class Window:
     """Spins about a pose of each of N tags: spins (N, S), branch (N,), q (N, 6) [rad].
 
-    The first spin of each is that of the pose itself. ``tilt`` (N,): number of its tilt. ``best``
+    The first spin of each is that of the pose itself, which is known to be free. ``tilt`` (N,):
+    number of its tilt. ``best``
     (N,) [N/m]: index that losses are priced against.
     """
 
