@@ -6,9 +6,11 @@ from postproc.gap.answers import (
     Diagnosis,
     Kept,
     NextPose,
+    Open,
     Outlook,
     Part,
     Prediction,
+    Promise,
     Reach,
     along,
     calibrated_urdf,
@@ -32,6 +34,7 @@ from postproc.gap.answers import (
 from postproc.gap.data import Arm, Samples, make_samples
 from postproc.gap.effect import EFFECTS, Basis, Effect, Kind, Parameter, Setting, State, register
 from postproc.gap.fit import pose_problem
+from postproc.gap.posterior import USUAL_NOISE
 from postproc.gap.robot_model import (
     RobotModel,
     act,

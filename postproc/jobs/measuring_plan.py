@@ -14,9 +14,10 @@ from postproc.files import write_files
 from postproc.geometry import rotation_from_abc
 from postproc.jobs import sample_diagnosis
 from postproc.jobs.drawing import drawing_of
-from postproc.jobs.given import Source, cell_of
+from postproc.jobs.given import Source, cell_of, part_of
 from postproc.jobs.sample import program_files
 from postproc.jobs.sample import sample as sampled
+from postproc.model import ToolPath
 from postproc.progress import Progress
 from postproc.records import dataclass
 from postproc.report.pages.diagnosis_plan import diagnosis_plan_page
@@ -69,6 +70,7 @@ def sample(
     model: str = "continuous",
     count: int = 64,
     for_diagnosis: bool = False,
+    part: ToolPath | Source | None = None,
     axis: str = "y",
     angles_deg: Sequence[float] = (-10.0, 0.0, 10.0),
     orientation_deg: Sequence[float] | None = None,
@@ -91,7 +93,9 @@ def sample(
         method: ``grid``: every posture of the grid; ``optimal``: the most telling ones.
         model: what ``optimal`` is to tell: ``constant``, ``grid`` or ``continuous``.
         count: postures of ``optimal`` and of a plan for a diagnosis.
-        for_diagnosis: plan for ``diagnose``, and say what it will tell.
+        for_diagnosis: plan for ``diagnose``, and say what it will tell and leave.
+        part: a toolpath of ``read``, or a CAM file: plan for ``diagnose`` so that little is left
+            where the arm drives in it.
         axis: of the tool frame about which postures turn: ``x``, ``y`` or ``z``.
         angles_deg: by which they turn.
         orientation_deg: (3,) tool A, B, C at angle 0; None: the one that reaches most.
@@ -112,7 +116,8 @@ def sample(
             unknown limits or speeds.
         StiffnessError: STF020 to STF025 if the plan asks for what cannot be.
     """
-    cell = cell_of(cell).for_tool(tool)
+    whole = cell_of(cell)
+    cell = whole.for_tool(tool)
     if not len(angles_deg) or not np.isfinite(angles_deg).all():
         raise StiffnessError("STF025", f"angles {list(angles_deg)}, expected finite numbers")
     box, abc = np.array(box_mm) * MM, orientation_deg
@@ -121,6 +126,7 @@ def sample(
         angles=np.array(angles_deg) * DEG,
         R_robroot_tcp=None if abc is None else rotation_from_abc(np.array(abc) * DEG),
     )
+    for_diagnosis = for_diagnosis or part is not None
     if load_kg is None and not len(forces_N) and not for_diagnosis:
         load_kg = _USUAL_MASS
     request = SampleRequest(
@@ -137,7 +143,9 @@ def sample(
     )
     page = f"{name}.html"
     if for_diagnosis:
-        plan = sample_diagnosis.plan_diagnosis(cell, request, progress)
+        plan = sample_diagnosis.plan_diagnosis(
+            cell, request, None if part is None else part_of(part, whole), progress
+        )
         made = sample_diagnosis.files(plan)
         told = sample_diagnosis.diagnosis_plan_document(plan, sorted([*made, page]))
         names = [plan.name(reading) for reading in range(len(plan.q))]

@@ -6,6 +6,7 @@ read again and again from one side, which tells the noise and a drift.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,16 +14,28 @@ import numpy as np
 from postproc.arrays import FloatArray, IntArray
 from postproc.cell import Cell, require_numbers
 from postproc.errors import StiffnessError
-from postproc.gap import APPROACH, Outlook, Reach, RobotModel, Samples, make_samples, outlook
-from postproc.geometry import rotation_about, transform
+from postproc.gap import (
+    APPROACH,
+    USUAL_NOISE,
+    Open,
+    Outlook,
+    Promise,
+    Reach,
+    RobotModel,
+    Samples,
+    make_samples,
+    outlook,
+)
+from postproc.geometry import apply, rotation_about, transform
 from postproc.jobs import drive
 from postproc.jobs.drive import free_ways
+from postproc.jobs.job_rows import JobRows
 from postproc.kinematics import Kinematics, build
 from postproc.measurement import DIRECTION, JOINTS, POSITION, WRENCH, cells, table_to_fill_in
+from postproc.model import ToolPath
 from postproc.progress import Progress
 from postproc.records import dataclass
 from postproc.stiffness.sample import (
-    TRACKER_SIGMA,
     Load,
     SampleRequest,
     SamplingRules,
@@ -30,9 +43,9 @@ from postproc.stiffness.sample import (
     reachable,
     travel_order,
 )
-from postproc.units import DEG
+from postproc.units import DEG, MM
 
-FIRST_LINE = 5
+FIRST_LINE = 6
 """Line of the first reading in the CSV, behind the remarks and the header."""
 REVISITED, READINGS = 3, 5
 """Postures that are read again, and how often each is read in a pass."""
@@ -44,6 +57,12 @@ _PAUSE = 30.0
 _WARMING = 5.0
 """Warming of the arm [K] that it counts on."""
 _SEED = 29
+_FRESH = 400
+"""Fresh poses that the promise is told for: more change no digit of it."""
+_ABOUT = 0.15
+"""How far about the tags of a job [m] half of the postures tried for it lie."""
+_OTHERS = 1500
+"""Postures that those of a plan may be exchanged for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +71,9 @@ class DiagnosisPlan:
 
     q (n, 6); direction (n, 6) side of the last motion; posture (n,) number of each reading's
     posture; load (n,) number of its load, -1 without; nodes (m, 6), reads (m,): the way and the
-    reading taken at each of its postures, -1 for none; blocked: postures without a free way.
+    reading taken at each of its postures, -1 for none; blocked: postures without a free way;
+    outlook: what it will tell; promise: what it will leave; left_out: names of tags of its job
+    that cannot be driven to, for which nothing is promised.
     """
 
     cell: Cell
@@ -65,6 +86,8 @@ class DiagnosisPlan:
     reads: IntArray
     blocked: int
     outlook: Outlook
+    promise: Promise
+    left_out: tuple[str, ...] = ()
 
     @property
     def points(self) -> FloatArray:
@@ -80,17 +103,22 @@ class DiagnosisPlan:
 
 
 def plan_diagnosis(
-    cell: Cell, request: SampleRequest, progress: Progress | None = None
+    cell: Cell,
+    request: SampleRequest,
+    part: ToolPath | None = None,
+    progress: Progress | None = None,
 ) -> DiagnosisPlan:
     """Plan a campaign for ``diagnose``.
 
     Args:
         cell: robot, tool, solids.
         request: box, loads and ``count`` of postures; its grid and angles are not used.
+        part: job that the campaign is for: postures are chosen for where the arm drives in it.
         progress: called with (done, total, what).
 
     Raises:
         CellError: CEL030 for an arm with unknown limits or speeds.
+        PlanError: STF029 where no tag of the job can be driven to, or as ``plan`` raises.
         StiffnessError: STF022 where no posture can be taken, STF024 for fewer than 12.
     """
     if request.count < 4 * REVISITED:
@@ -98,39 +126,54 @@ def plan_diagnosis(
     report = progress or (lambda done, total, what: None)
     require_numbers(cell)
     kinematics = build(cell.robot)
+    job = JobRows.nothing() if part is None else JobRows.of(part, cell)
     report(0, 3, "postures")
     checks = drive.Checks.of(cell, kinematics)
     model = RobotModel.of(kinematics, cell)
-    q, side = _postures(model, cell, request, checks)
+    q, side = _postures(model, cell, request, checks, job)
+    count, passes = min(request.count, len(q)), [-1, *range(len(request.loads))]
+    sigma = cell.measuring_sigma or USUAL_NOISE
+    open_ = Open.of(_known(model, cell, request, q, side, job), sigma)
+    number = np.arange(len(q) * len(passes)).reshape(len(passes), -1).T
+    at_job = number.size + np.arange(len(job.q))
+    chosen = np.arange(count)
+    if len(job.q):
+        chosen = open_.exchanged(chosen, REVISITED, number, at_job)
     report(1, 3, "ways between postures")
-    nodes, reads, blocked = _ways(q, side, kinematics, checks)
-    passes = [-1, *range(len(request.loads))]
+    nodes, reads, blocked = _ways(q[chosen], side[chosen], kinematics, checks)
     posture = np.tile(reads[reads >= 0], len(passes))
     load = np.repeat(passes, np.count_nonzero(reads >= 0))
     numbers = np.where(reads >= 0, np.cumsum(reads >= 0) - 1, -1)
-    count = np.count_nonzero(reads >= 0)
-    way = [np.where(numbers >= 0, numbers + k * count, -1) for k in range(len(passes))]
+    taken = np.count_nonzero(reads >= 0)
+    way = [np.where(numbers >= 0, numbers + k * taken, -1) for k in range(len(passes))]
     report(2, 3, "what it will tell")
-    samples = _samples(model, cell, request, q[posture], side[posture], load)
-    sigma = cell.measuring_sigma or TRACKER_SIGMA
+    read, others = chosen[posture], np.setdiff1d(np.arange(len(q)), chosen)
+    samples = _samples(model, cell, request, q[read], side[read], load)
+    fresh = number[others[:_FRESH] if len(others) else chosen].ravel()
     return DiagnosisPlan(
         cell,
         request,
-        q[posture],
-        side[posture],
+        q[read],
+        side[read],
         posture.astype(np.int32),
         load.astype(np.int32),
         np.tile(nodes, (len(passes), 1)),
         np.concatenate(way).astype(np.int32),
         blocked,
         outlook(samples, sigma),
+        open_.promise(number[read, load + 1], fresh, at_job),
+        job.left_out,
     )
 
 
 def _postures(
-    model: RobotModel, cell: Cell, request: SampleRequest, checks: drive.Checks
+    model: RobotModel, cell: Cell, request: SampleRequest, checks: drive.Checks, job: JobRows
 ) -> tuple[FloatArray, FloatArray]:
-    """Return postures (k, 6) [rad] far apart, and the side (k, 6) each is reached from."""
+    """Return postures (k, 6) [rad], and the side (k, 6) each is reached from.
+
+    First the asked count far apart, then others to exchange them for: for a job half of these are
+    tried about its tags, with its tool axes.
+    """
     kinematics = model.arm.kinematics
     rng = np.random.default_rng(_SEED)
     limits, grid = cell.limits, request.grid
@@ -143,7 +186,8 @@ def _postures(
     )
     n = _EACH * request.count
     low = np.asarray(grid.origin)
-    points = low + rng.random((n, 3)) * np.asarray(grid.size) * np.array(grid.counts)
+    high = low + np.asarray(grid.size) * np.array(grid.counts)
+    points = low + rng.random((n, 3)) * (high - low)
     T_flange_tcp = np.asarray(cell.tool.T_flange_tcp)
     R = rules.R_robroot_tcp
     if R is None:
@@ -156,7 +200,14 @@ def _postures(
             for one, angle in zip(axis, rng.uniform(0.0, _TILT, n), strict=True)
         ]
     )
-    found, reason = reachable(transform(R @ turns, points), kinematics, T_flange_tcp, rules)
+    R_robroot_tcp = R @ turns
+    if len(job.q):
+        about = rng.integers(len(job.q), size=n // 2)
+        T = kinematics.fk(job.q[about])
+        near = apply(T, job.point[about]) + rng.normal(0.0, _ABOUT, (n // 2, 3))
+        points[: n // 2] = np.clip(near, low, high)
+        R_robroot_tcp[: n // 2] = T[:, :3, :3] @ T_flange_tcp[:3, :3] @ turns[: n // 2]
+    found, reason = reachable(transform(R_robroot_tcp, points), kinematics, T_flange_tcp, rules)
     q = np.round(found[reason == 0] / DEG, 5) * DEG
     side = rng.choice([-1.0, 1.0], q.shape)
     samples = make_samples(model.arm, q)
@@ -170,7 +221,8 @@ def _postures(
         )
     q, side = q[good], side[good]
     chosen = _far_apart(q, request.count)
-    return q[chosen], side[chosen]
+    order = np.append(chosen, np.setdiff1d(np.arange(len(q)), chosen)[:_OTHERS])
+    return q[order], side[order]
 
 
 def _far_apart(q: FloatArray, count: int) -> IntArray:
@@ -202,6 +254,31 @@ def _ways(
     return nodes[np.abs(way) - 1], reads, len(q) - len(set(label) - {-1})
 
 
+def _known(
+    model: RobotModel,
+    cell: Cell,
+    request: SampleRequest,
+    q: FloatArray,
+    side: FloatArray,
+    job: JobRows,
+) -> Samples:
+    """Return all postures in each pass, at times as they may come, and behind them the job."""
+    passes = 1 + len(request.loads)
+    every = np.tile(q, (passes, 1))
+    load = np.repeat(np.arange(-1, passes - 1, dtype=np.int32), len(q))
+    time = np.random.default_rng(_SEED).uniform(0.0, passes * request.count * _PAUSE, len(every))
+    time = np.append(time, np.full(len(job.q), passes * request.count * _PAUSE))
+    wrench = _wrenches(cell, request.loads, model.arm.kinematics, every, load)
+    return _at_times(
+        model,
+        np.vstack([every, job.q]),
+        np.vstack([np.tile(side, (passes, 1)), job.side]),
+        time,
+        np.vstack([wrench, job.wrench]),
+        np.vstack([np.tile(model.arm.p_flange_point, (len(every), 1)), job.point]),
+    )
+
+
 def _samples(
     model: RobotModel,
     cell: Cell,
@@ -210,16 +287,28 @@ def _samples(
     side: FloatArray,
     load: IntArray,
 ) -> Samples:
-    time = _PAUSE * np.arange(len(q))
     wrench = _wrenches(cell, request.loads, model.arm.kinematics, q, load)
-    return make_samples(
+    return _at_times(model, q, side, _PAUSE * np.arange(len(q), dtype=np.float64), wrench, None)
+
+
+def _at_times(
+    model: RobotModel,
+    q: FloatArray,
+    side: FloatArray,
+    time: FloatArray,
+    wrench: FloatArray,
+    seen: FloatArray | None,
+) -> Samples:
+    """Return rows of an arm that warms up; ``seen``: (n, 3) their points in the flange [m]."""
+    samples = make_samples(
         model.arm,
         q,
         direction=side,
         time=time,
-        temperature=20.0 + _WARMING * (1.0 - np.exp(-2.0 * time / max(time[-1], 1.0))),
+        temperature=20.0 + _WARMING * (1.0 - np.exp(-2.0 * time / max(float(time.max()), 1.0))),
         wrench=wrench if np.any(wrench) else None,
     )
+    return samples if seen is None else replace(samples, seen=seen).at(q)
 
 
 def _wrenches(
@@ -238,6 +327,7 @@ def csv_text(plan: DiagnosisPlan) -> bytes:
         "fill in x_mm, y_mm, z_mm, time_s (since the start) and temp_C (of the arm)",
         "delete rows that were not taken; then: diagnose this file",
         "q, dir, loads are what the program drives; the same P number is the same posture",
+        f"a model of these readings {plan.promise.words}",
     )
     wrench = _wrenches(plan.cell, plan.request.loads, build(plan.cell.robot), plan.q, plan.load)
     rows = []
@@ -253,7 +343,7 @@ def drive_of(plan: DiagnosisPlan) -> drive.Drive:
     """Return the motions: from the chosen side to each posture, a stop to change the load."""
     request = plan.request
     order = [int(k) for k in plan.reads if k >= 0]
-    notes = []
+    notes = [drive.Note(0, FIRST_LINE, f"a model of these {plan.promise.words}", stop=False)]
     for number, load in enumerate(request.loads):
         first = int(np.argmax(plan.load == number))
         move = int(np.argmax(plan.reads == first))
@@ -288,5 +378,12 @@ def diagnosis_plan_document(plan: DiagnosisPlan, names: list[str]) -> dict[str, 
         "postures": len(np.unique(plan.posture)),
         "readings": len(plan.q),
         "blocked": plan.blocked,
+        "left_out": list(plan.left_out),
+        "promise": {
+            "rows": len(plan.q),
+            "rms_left_mm": round(plan.promise.left / MM, 5),
+            "at_the_job_mm": None if plan.promise.job is None else round(plan.promise.job / MM, 5),
+            "can_tell": list(plan.outlook.can_tell),
+        },
         **plan.outlook.entry(),
     }

@@ -82,6 +82,8 @@ def test_the_page_says_what_the_plan_will_tell(tmp_path, capsys):
     page = (tmp_path / "sample.html").read_text(encoding="utf-8")
     page = re.sub(r"<td [^>]*>", "<td>", page)
     small = [one for one in told["effects"] if (one["smallest_mm"] or 1e9) <= one["usual_mm"]]
+    assert told["promise"]["at_the_job_mm"] is None
+    assert f"by {told['promise']['rms_left_mm']:.3f} mm rms" in page
     assert 0 < len(small) < len(told["effects"])
     assert f"tell {len(small)} of {len(told['effects'])} causes" in page
     for one in told["effects"]:
@@ -92,6 +94,40 @@ def test_the_page_says_what_the_plan_will_tell(tmp_path, capsys):
         assert f"<td>{first}</td><td>{second}</td>" in page
     for one in told["not_testable"]:
         assert one["name"].replace("_", " ") in page
+
+
+def test_a_job_is_promised_less_than_the_box_by_postures_chosen_for_it(planned, tmp_path, capsys):
+    """Read by the cell's and the call's own options; no file, no plan; nothing else changes."""
+    box = [f"{1e3 * v:g}" for corner in BOX for v in corner]
+    cell, part = tmp_path / "cell.toml", tmp_path / "part.csv"
+    frame = "\n[workpiece]\nframe = { xyz_mm = [1500, -100, 900], abc_deg = [0, 0, 0] }\n"
+    cell.write_text(CELL.read_text(encoding="utf-8") + frame, encoding="utf-8")
+    rows = [f"{x},{y},0,0,0,1" for x in (0, 4) for y in (0, 4, 8)]
+    part.write_text("\n".join(["a,b,c,d,e,f", *rows]) + "\n", encoding="utf-8")
+    call = ["sample", "--cell", str(cell), "--box", *box, "--count", "24", "--load-kg", "40"]
+    how = ["--columns", "x,y,z,i,j,k", "--units", "inch"]
+    out = tmp_path / "plan"
+    assert app.run([*call, *how, "--for", str(part), "-o", str(out), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    promise, left_out = told["promise"], told["left_out"]
+    assert left_out == []
+    assert promise["rows"] == told["readings"]
+    assert 0.0 < promise["at_the_job_mm"] < promise["rms_left_mm"]
+    seen = {e["name"] for e in told["effects"] if (e["smallest_mm"] or 1e9) <= e["usual_mm"]}
+    assert seen == set(promise["can_tell"])
+    text = f"{promise['rms_left_mm']:.3f} mm at fresh poses, {promise['at_the_job_mm']:.3f} mm at"
+    for name in ("sample.csv", "sample.src"):
+        assert text in (out / name).read_text(encoding="utf-8")
+    assert f"{promise['at_the_job_mm']:.3f} mm rms" in (out / "sample.html").read_text("utf-8")
+    assert "at the job" not in (planned[0] / "sample.csv").read_text(encoding="utf-8")
+    wrong = [([], "nobody.csv", "IO001"), (["--units", "inch", "--columns", "x,y"], part, "CSV")]
+    for more, file, code in wrong:
+        assert app.run([*call, *more, "--for", str(file), "-o", str(tmp_path / "no")]) == 2
+        assert code in capsys.readouterr().err.splitlines()[0]
+    part.write_text("x,y,z,i,j,k\n9000,0,0,0,0,1\n", encoding="utf-8")
+    assert app.run([*call, "--for", str(part), "-o", str(tmp_path / "no")]) == 2
+    assert capsys.readouterr().err.startswith(f"{part}:2: error STF029: ")
+    assert not (tmp_path / "no").exists()
 
 
 def test_too_few_postures_are_refused(tmp_path, capsys):

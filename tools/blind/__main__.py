@@ -8,12 +8,12 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from tools.blind import answerers, families, loop, stiffness, table
+from tools.blind import answerers, families, loop, promise, stiffness, table
 from tools.blind.judging import judge
 from tools.blind.running import run_all
 from tools.blind.writing import generate
 
-EXPERIMENTS = {"loop": loop, "stiffness": stiffness}
+EXPERIMENTS = {"loop": loop, "promise": promise, "stiffness": stiffness}
 
 
 def main(arguments: list[str] | None = None) -> int:

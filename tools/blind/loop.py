@@ -96,7 +96,7 @@ def draw(number: int, seed: int) -> Job:
         hidden.append(effect)
     share = rng.uniform(0.4, 0.8) * robot.force
     if kind == "drilling":
-        points, text = _holes(rng)
+        points, text = holes(rng)
         source, force = ("holes.csv", text), np.array([0.05, 0.05, -1.0]) * share
         lines = tuple(range(2, 2 + len(points)))
     else:
@@ -111,7 +111,7 @@ def poses(robot: RobotClass, rng: np.random.Generator) -> Rows:
     return drive(robot, Plan("wide_loads", 60, "three", 0.6, False, 0, False, 0.0), rng)
 
 
-def _holes(rng: np.random.Generator, count: int = 40) -> tuple[Array, str]:
+def holes(rng: np.random.Generator, count: int = 40) -> tuple[Array, str]:
     """Return the bottoms of holes in rows there and back, and their CSV file [mm]."""
     pitch = rng.uniform(18.0, 30.0)
     at = np.stack([pitch * (np.arange(count) % 8), pitch * (np.arange(count) // 8)], axis=1)
@@ -150,17 +150,17 @@ def run(number: int, seed: int, folder: Path) -> dict[str, Any]:
     cell.write_text(cell_of(job), encoding="utf-8")
     source = folder / job.source[0]
     source.write_text(job.source[1], encoding="utf-8")
-    first = driven(job, _program(folder / "plain", source, cell, None))
+    first = driven(job, program_of(folder / "plain", source, cell, None))
     campaign = drive(job.robot, Plan("wide_loads", 120, "three", 0.8, False, 16, True, 0.0), rng)
     before = folder / "before.csv"
     _write(before, job, [*_readings(first), ("c", campaign, campaign.direction)], rng)
     found = folder / "gap"
-    told = _asked(["diagnose", before, "--cell", cell, "-o", found])
+    told = asked(["diagnose", before, "--cell", cell, "-o", found])
     model = found / "model.toml"
-    second = driven(job, _program(folder / "compensated", source, cell, model))
+    second = driven(job, program_of(folder / "compensated", source, cell, model))
     after = folder / "after.csv"
     _write(after, job, _readings(second), rng)
-    answer = _asked(["diagnose", after, "--before", before, "--cell", cell, "--model", model])
+    answer = asked(["diagnose", after, "--before", before, "--cell", cell, "--model", model])
     return {
         "case": job.number,
         "kind": job.kind,
@@ -347,13 +347,14 @@ def table(cases: list[dict[str, Any]], title: str) -> str:
     return "\n".join(lines)
 
 
-def _program(out: Path, source: Path, cell: Path, model: Path | None) -> Path:
+def program_of(out: Path, source: Path, cell: Path, model: Path | None) -> Path:
+    """Return the program that the product makes of a CAM file, with a model or without."""
     more = [] if model is None else ["--model", model]
-    _asked(["convert", source, "--cell", cell, "-o", out, *more])
+    asked(["convert", source, "--cell", cell, "-o", out, *more])
     return min(out.glob("*.src"), key=lambda path: len(path.name))
 
 
-def _asked(words: list[Any]) -> dict[str, Any]:
+def asked(words: list[Any]) -> dict[str, Any]:
     """Return the JSON answer of the product.
 
     Raises:

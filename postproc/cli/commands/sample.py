@@ -7,7 +7,18 @@ from typing import Any
 
 import click
 
-from postproc.cli.common import CELL, NUMBER, TOOL, NumberRange, Session, answer, standard_options
+from postproc.cli.common import (
+    CELL,
+    NUMBER,
+    TOOL,
+    NumberRange,
+    Session,
+    answer,
+    read_cam,
+    reading,
+    reading_options,
+    standard_options,
+)
 
 EPILOG = """\b
 Examples:
@@ -15,6 +26,7 @@ Examples:
   postproc sample --cell cell.toml --box 1500 -600 500 2100 600 1100 --grid 150 -o measure \\
       --method optimal --count 64 --load-kg 50 --force 0 300 0
   postproc sample --cell cell.toml --box 1500 -600 500 2100 600 1100 --for-diagnosis -o measure
+  postproc sample --cell cell.toml --box 1500 -600 500 2100 600 1100 --for part.cls -o measure
 """
 
 
@@ -57,6 +69,12 @@ def _angles(context: click.Context, parameter: click.Parameter, text: str) -> li
     "--for-diagnosis",
     is_flag=True,
     help="Plan --count postures for diagnose instead, and say what they can show.",
+)
+@click.option(
+    "--for",
+    "part",
+    metavar="INPUT",
+    help="CAM file of the job that it is for: as --for-diagnosis, little is left at its tags.",
 )
 @click.option(
     "--axis",
@@ -114,6 +132,7 @@ def _angles(context: click.Context, parameter: click.Parameter, text: str) -> li
 @click.option(
     "--speed", type=NumberRange(1.0, 100.0), default=30.0, show_default=True, help="Axis speed [%]."
 )
+@reading_options
 @standard_options
 def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
     """Plan the measurement of joint stiffness over a box by space gridding.
@@ -124,7 +143,9 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
 
     With --for-diagnosis: postures spread over box and wrist, each reached from a side of its own,
     three of them read five times; the smallest size of each effect that will be seen in nine of
-    ten campaigns, and the pairs that will stay one set. Unloaded but for --load-kg and --force.
+    ten campaigns, the pairs that will stay one set, and what a model of the readings will miss at
+    fresh poses. Unloaded but for --load-kg and --force. With --for the postures are chosen so that
+    it misses little where the arm drives in that job, and says how much.
     """
     from postproc.cell import load_cell
     from postproc.jobs.measuring_plan import sample
@@ -132,14 +153,17 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     names = {"box": "box_mm", "grid": "grid_mm", "angles": "angles_deg", "load_at": "load_at_mm",
              "orientation": "orientation_deg", "force": "forces_N", "wait": "wait_s",
              "speed": "speed_percent"}  # fmt: skip
-    asked = {names.get(name, name): options[name] for name in options.keys() - {"cell", "output"}}
+    own = options.keys() - {"cell", "output", *reading(options)}
+    asked = {names.get(name, name): options[name] for name in own}
     cell = load_cell(options["cell"])
+    if options["part"]:
+        asked["part"] = read_cam(options["part"], options, cell)
     folder = Path(options["output"])
     with session.progress() as progress:
         plan = sample(cell, **asked, progress=progress)
     plan.write(folder)
     session.document(plan.document)
-    show = _diagnosis_summary if options["for_diagnosis"] else _summary
+    show = _diagnosis_summary if "promise" in plan.document else _summary
     show(session, plan.document, folder / f"{options['name']}.csv")
     return answer(good=True)
 
@@ -147,6 +171,13 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
 def _diagnosis_summary(session: Session, content: dict[str, Any], file: Path) -> None:
     session.show(f"plan     {file}")
     session.show(f"postures {content['postures']}, readings {content['readings']}")
+    promise = content["promise"]
+    left = {"at fresh poses": promise["rms_left_mm"], "at the job": promise["at_the_job_mm"]}
+    for where, size in left.items():
+        if size is not None:
+            session.show(f"leaves   {size:.3f} mm {where}")
+    if content["left_out"]:
+        session.say(f"{len(content['left_out'])} tags of the job cannot be driven to")
     for told in content["effects"]:
         size = told["smallest_mm"]
         seen = "not shown" if size is None else f"seen from {size:.3f} mm"

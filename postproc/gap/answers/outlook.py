@@ -75,6 +75,11 @@ class Outlook:
     twins: tuple[Told, ...]
     not_testable: Mapping[str, tuple[str, ...]]
 
+    @property
+    def can_tell(self) -> tuple[str, ...]:
+        """Effects that are named where they are of usual size."""
+        return tuple(one.name for one in self.effects if not one.is_seldom_told)
+
     def entry(self) -> dict[str, Any]:
         """Return the entry of the document, file units."""
         return {

@@ -1,6 +1,6 @@
 """Which effects the rows speak for: one probabilistic model of all that a campaign can show."""
 
-from postproc.gap.posterior.chosen import Posterior, posterior
+from postproc.gap.posterior.chosen import USUAL_NOISE, Posterior, posterior
 from postproc.gap.posterior.classes import Group, Part, groups_of
 from postproc.gap.posterior.evidence import optimum
 from postproc.gap.posterior.final import Named, Serving, frames_of, servings, thinned
@@ -13,6 +13,6 @@ from postproc.gap.posterior.gates import (
     tolerated,
 )
 from postproc.gap.posterior.names import CLOSE, Name, names_of
-from postproc.gap.posterior.prior import ODDS, Candidate, Sort, odds_of, of_effect
+from postproc.gap.posterior.prior import LOG_SCALES, ODDS, Candidate, Sort, odds_of, of_effect
 from postproc.gap.posterior.residual import Dependence
 from postproc.gap.posterior.search import TEMPERATURE

@@ -43,7 +43,7 @@ from postproc.gap.robot_model import effect_of, evaluate
 from postproc.measurement import robust_sigma
 from postproc.records import dataclass
 
-_UNKNOWN = 3e-5
+USUAL_NOISE = 3e-5
 """Usual noise [m] of a reading where nothing tells it: trackers and their targets on arms."""
 _DEVICE = 40.0
 """Freedom that an instrument's figure counts with."""
@@ -211,7 +211,7 @@ def free_of(of: Posterior, keys: Iterable[str], at: Optimum | None = None) -> di
 
 def _prior(level: Noise) -> NoisePrior:
     if level.source is Source.ASSUMED:
-        return NoisePrior(_UNKNOWN, 0.0)
+        return NoisePrior(USUAL_NOISE, 0.0)
     freedom = float(level.freedom) if level.source is Source.REPEATS else _DEVICE
     return NoisePrior(max(level.white, LEAST), freedom)
 

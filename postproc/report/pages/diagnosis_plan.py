@@ -31,6 +31,13 @@ def diagnosis_plan_page(
         f" {len(content['effects'])} causes where they are of usual size, in {share} of all cases,"
         f" at a noise of {content['sigma_mm']:.3f} mm per axis."
     ]
+    promise = content["promise"]
+    lead.append(
+        f"A model of them will miss fresh readings by {promise['rms_left_mm']:.3f} mm rms, noise"
+        " included, on an arm that has nothing but what is in the list."
+    )
+    if promise["at_the_job_mm"] is not None:
+        lead.append(f"At the tags of the job {promise['at_the_job_mm']:.3f} mm rms will be left.")
     if hidden:
         lead.append(f"Of usual size it will not tell: {_words(hidden)}.")
     page = Page("Plan for a diagnosis", lead)
