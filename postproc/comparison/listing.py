@@ -35,8 +35,8 @@ from postproc.controller import (
     EventWord,
     Interpreter,
     Motions,
+    Settings,
     Trace,
-    Values,
     World,
     pose_of,
 )
@@ -300,7 +300,7 @@ class _Lister(Interpreter):
         if fresh or unknown or (self.depth and len(record) == motions and not own):
             self._note_statement(statement)
 
-    def _watch(self, before: Values) -> None:
+    def _watch(self, before: Settings) -> None:
         """List what was in force for no motion: set, and set again before anything moved."""
         after = self.state.values
         if after is before:
@@ -311,7 +311,7 @@ class _Lister(Interpreter):
             if self._unseen.setdefault(name, value) != value:
                 self.note(EventWord.OTHER, f"{name} {value} in force for no motion")
 
-    def _state_of(self, values: Values) -> dict[str, Any]:
+    def _state_of(self, values: Settings) -> dict[str, Any]:
         """Return the state by name, frames by their numbers or as poses."""
         found: dict[str, Any] = {**values.system, "load": values.load_number}
         frames = self.state.tool_frames.rows[values.tool], self.state.base_frames.rows[values.base]

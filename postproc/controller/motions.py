@@ -6,9 +6,9 @@ from typing import Any, Protocol
 
 from postproc.controller.recorder import Motion, Recorder
 from postproc.controller.runtime import Evaluator
-from postproc.controller.state import MotionState, Values
+from postproc.controller.state import MotionState
 from postproc.controller.targets import Targets, numbers_of
-from postproc.controller.trace import Blend, MotionType
+from postproc.controller.trace import Blend, MotionType, Settings
 from postproc.errors import RunKind, Severity
 from postproc.krl import Assign, Axes, Expr, Move, MoveWord, Pose, SplineBegin, SplineEnd
 
@@ -56,7 +56,7 @@ class Motions:
         self._host = host
         self._state, self._recorder = host.state, host.recorder
         self._block, self._blocks = -1, 0
-        self._before_block: Values = host.state.values
+        self._before_block: Settings = host.state.values
 
     def begin_spline(self, statement: SplineBegin) -> None:
         """Enter a spline block."""
@@ -140,7 +140,7 @@ class Motions:
                 self._recorder.angles[row] = float(angle)
 
     def _blend(self, words: tuple[str, ...]) -> Blend:
-        if not words or self._state.values.system["$ADVANCE"] == 0:
+        if not words or self._state.values.advance == 0:
             return Blend.EXACT
         if "C_PTP" in words:
             return Blend.AXES

@@ -181,7 +181,7 @@ class Recorder:
             angle={row: angle * DEG for row, angle in self.angles.items()},
             tools=state.tool_frames.stack(),
             bases=state.base_frames.stack(),
-            settings=state.table,
+            settings=tuple(state.table),
             files=tuple(self.names),
             events=tuple(self.events),
             asides=tuple(self.asides),
@@ -222,7 +222,7 @@ class AdvanceRun:
         if self._recorder.in_trigger:
             return 0
         since = len(self._recorder) - self._met
-        return min(int(self._state.values.system["$ADVANCE"]), since)
+        return min(self._state.values.advance, since)
 
     def stop(self) -> int:
         """Wait for the arm, unless CONTINUE forbids it; return by how many motions early."""

@@ -50,30 +50,6 @@ class FrameTable:
         return np.stack(self.rows) if self.rows else np.zeros((0, 4, 4))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Values:
-    """The state as plain values; replaced, never changed, so that WITH can put it back.
-
-    ``system``: every system variable that is followed or was set, by its canonical name. A load
-    that the program writes itself stands there as well; its ``load_number`` is -1.
-    """
-
-    tool: int
-    base: int
-    tool_number: int = 0
-    base_number: int = 0
-    load_number: int = 0
-    load_mass: float = math.nan
-    system: Mapping[str, Scalar] = field(default_factory=krl.initial_values)
-    done: frozenset[str] = frozenset()
-
-    @property
-    def key(self) -> object:
-        """What is the same for the same values."""
-        numbers = (self.tool, self.base, self.tool_number, self.base_number, self.load_number)
-        return (*numbers, str(self.load_mass), frozenset(self.system.items()), self.done)
-
-
 class MotionState:
     """Motion settings, changed by assignments to system variables and by BAS.
 
@@ -94,12 +70,14 @@ class MotionState:
         self._T_world_robroot = np.asarray(T_world_robroot, dtype=np.float64)
         self._T_robroot_world = inverse(self._T_world_robroot)
         self.tool_frames, self.base_frames = FrameTable(), FrameTable()
-        self.values = Values(self.tool_frames.row(np.eye(4)), self._base_row(np.eye(4)))
+        self.values = Settings(self.tool_frames.row(np.eye(4)), self._base_row(np.eye(4)))
         self.missing: list[str] = []
         """Frames that were selected and are not known, until somebody asks."""
         self.unjudged: list[tuple[str, str]] = []
         """What was set to something that is not known: its name and what is wrong with it."""
-        self._rows: dict[Settings, int] = {}
+        self.table: list[Settings] = []
+        """All settings that a motion was run with, by row."""
+        self._rows: dict[object, int] = {}
         self._known: dict[object, Any] = {}
         """What was asked of values before: programs go to and fro between a few settings."""
 
@@ -107,40 +85,12 @@ class MotionState:
 
     def row(self) -> int:
         """Return the row of the present settings in the table of all."""
-        v = self.values
-        source, known = self._known.get(id(v), (None, 0))
-        if source is v:
-            return int(known)
-        system: Mapping[str, Any] = v.system
-        settings = Settings(
-            tool=v.tool,
-            base=v.base,
-            tool_number=v.tool_number,
-            base_number=v.base_number,
-            speed=system["$VEL.CP"],
-            orientation_speed=min(system["$VEL.ORI1"], system["$VEL.ORI2"]) * DEG,
-            acceleration=system["$ACC.CP"],
-            ptp=_shares("$VEL_AXIS", system),
-            cdis=system["$APO.CDIS"] * MM,
-            cori=system["$APO.CORI"] * DEG,
-            ramp=_shares("$ACC_AXIS", system),
-            advance=int(system["$ADVANCE"]),
-            orientation=system["$ORI_TYPE"],
-            circle=system["$CIRC_TYPE"],
-            ipo_tcp=system["$IPO_MODE"] == "TCP",
-            load_number=v.load_number,
-            load_mass=v.load_mass,
-            system=tuple(sorted(v.system.items())),
-            done=v.done,
-        )
-        row = self._rows.setdefault(settings, len(self._rows))
-        self._remember(id(v), row)
-        return row
-
-    @property
-    def table(self) -> tuple[Settings, ...]:
-        """All settings that a motion was run with, by row."""
-        return tuple(self._rows)
+        source, row = self._known.get(id(self.values), (None, 0))
+        if source is not self.values:
+            row = self._rows.setdefault(self.values.key, len(self.table))
+            self.table += [self.values] * (row == len(self.table))
+            self._remember(id(self.values), row)
+        return int(row)
 
     @property
     def T_flange_tcp(self) -> FloatArray:
@@ -345,7 +295,7 @@ class MotionState:
     def _reset(self) -> None:
         kept = self.values.done & {STOPMESS}
         self.values = replace(
-            Values(self.values.tool, self._base_row(np.eye(4))),
+            Settings(self.values.tool, self._base_row(np.eye(4))),
             tool_number=self.values.tool_number,
             load_number=1,
         )
@@ -411,11 +361,6 @@ def _is_number(value: Any) -> bool:  # noqa: ANN401
 
 def _default(key: str) -> float:
     return float(krl.initial_values()[key])
-
-
-def _shares(name: str, system: Mapping[str, Any]) -> tuple[float, ...]:
-    """Return a percentage of each robot axis as shares."""
-    return tuple(system[f"{name}[{axis}]"] * PERCENT for axis in range(1, 7))
 
 
 def _parts(value: Any) -> list[tuple[str, Any]]:  # noqa: ANN401 - a KRL value

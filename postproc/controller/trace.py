@@ -5,17 +5,19 @@ Columns hold the controller's own numbers turned to SI; nothing here knows kinem
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import field
 from enum import IntEnum, StrEnum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.errors import Finding
-from postproc.krl import Aggregate, Axes, Pose
+from postproc.krl import Aggregate, Axes, Pose, initial_values
 from postproc.records import dataclass
+from postproc.units import DEG, MM, PERCENT
 
 
 class MotionType(IntEnum):
@@ -61,36 +63,73 @@ class EventWord(StrEnum):
     """What is none of these and moves no arm, but may change how it moves, or what others do."""
 
 
-class Settings(NamedTuple):
-    """What is in force at a motion; a tuple so that equal settings are kept once.
+@dataclass(frozen=True, slots=True, eq=False)
+class Settings:
+    """What is in force at a motion; replaced, never changed, so that WITH can put it back.
 
     ``tool``, ``base``: rows of the frame tables; ``*_number``: as selected, -1 for a frame without
-    one. Speeds in m/s and rad/s, ``ptp``, ``ramp``: share of axis speed and acceleration per axis;
-    ``cdis`` [m], ``cori`` [rad]: where approximation may begin. ``load_number`` as selected, -1 for
-    a load of its own of ``load_mass`` [kg]. ``system``: every system variable that is followed or
-    was set, by name, in the controller's units. ``done``: what the program itself has set or
-    called; the rest is as the controller is configured.
+    one, or for a load of its own of ``load_mass`` [kg]. ``system``: every system variable that is
+    followed or was set, that load too, by its canonical name in the controller's units. ``done``:
+    what the program itself has set or called; the rest is as the controller is configured.
     """
 
     tool: int
     base: int
-    tool_number: int
-    base_number: int
-    speed: float
-    orientation_speed: float
-    acceleration: float
-    ptp: tuple[float, ...]
-    cdis: float
-    cori: float
-    ramp: tuple[float, ...]
-    advance: int
-    orientation: str
-    circle: str
-    ipo_tcp: bool
-    load_number: int
-    load_mass: float
-    system: tuple[tuple[str, float | str], ...]
-    done: frozenset[str]
+    tool_number: int = 0
+    base_number: int = 0
+    load_number: int = 0
+    load_mass: float = math.nan
+    system: Mapping[str, Any] = field(default_factory=initial_values)
+    done: frozenset[str] = frozenset()
+
+    @property
+    def key(self) -> object:
+        """What is the same for the same settings."""
+        numbers = (self.tool, self.base, self.tool_number, self.base_number, self.load_number)
+        return (*numbers, str(self.load_mass), frozenset(self.system.items()), self.done)
+
+    @property
+    def speed(self) -> float:
+        """Along a path [m/s]."""
+        return float(self.system["$VEL.CP"])
+
+    @property
+    def acceleration(self) -> float:
+        """Along a path [m/s2]."""
+        return float(self.system["$ACC.CP"])
+
+    @property
+    def orientation_speed(self) -> float:
+        """Of the slower of both turns [rad/s]."""
+        return float(min(self.system["$VEL.ORI1"], self.system["$VEL.ORI2"]) * DEG)
+
+    @property
+    def ptp(self) -> tuple[float, ...]:
+        """Share of the speed of each axis."""
+        return self._shares("$VEL_AXIS")
+
+    @property
+    def ramp(self) -> tuple[float, ...]:
+        """Share of the acceleration of each axis."""
+        return self._shares("$ACC_AXIS")
+
+    def _shares(self, name: str) -> tuple[float, ...]:
+        return tuple(self.system[f"{name}[{axis}]"] * PERCENT for axis in range(1, 7))
+
+    @property
+    def cdis(self) -> float:
+        """Where approximation may begin [m] before the target."""
+        return float(self.system["$APO.CDIS"] * MM)
+
+    @property
+    def cori(self) -> float:
+        """Where approximation may begin [rad] before the orientation of the target."""
+        return float(self.system["$APO.CORI"] * DEG)
+
+    @property
+    def advance(self) -> int:
+        """So many motions are planned ahead."""
+        return int(self.system["$ADVANCE"])
 
 
 class TraceEvent(NamedTuple):

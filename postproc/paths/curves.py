@@ -175,7 +175,7 @@ def _hold_orientation(
 
     What their targets say of the orientation is not heeded; the motion behind starts from there.
     """
-    constant = np.array([s.orientation == "CONSTANT" for s in trace.settings] or [False])
+    constant = np.array([s.system["$ORI_TYPE"] == "CONSTANT" for s in trace.settings] or [False])
     for row in np.flatnonzero(constant[trace.setting] & trace.is_cp).tolist():
         if row == 0:
             continue

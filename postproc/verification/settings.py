@@ -75,7 +75,7 @@ def _faults(
     trace, cell = run.paths.trace, run.cell
     is_cp = trace.is_cp[motions]
     first = int(motions[0])
-    if settings.ipo_tcp and not trace.is_axes[motions].all():
+    if settings.system["$IPO_MODE"] == "TCP" and not trace.is_axes[motions].all():
         yield RunKind.FRAME, first, "$IPO_MODE is #TCP: the tool would stand and the part move"
     yield from _orientation(run, settings, motions)
     tool = cell.tools[run.paths.station.tool[first]]
@@ -109,12 +109,12 @@ def _orientation(
     trace = run.paths.trace
     moving = motions[run.paths.curves.length[motions] > 0.0]
     paths = moving[trace.is_cp[moving]]
-    if settings.orientation in ("JOINT", "IGNORE") and len(paths):
-        kind = settings.orientation
+    kind = settings.system["$ORI_TYPE"]
+    if kind in ("JOINT", "IGNORE") and len(paths):
         text = f"$ORI_TYPE is #{kind}: the hand turns by its axes, the tool axis leaves the path"
         yield RunKind.ORIENTATION, int(paths[0]), text
     arcs = paths[trace.motion_type[paths] == MotionType.CIRC]
-    if settings.circle != "BASE" and len(arcs):
+    if settings.system["$CIRC_TYPE"] != "BASE" and len(arcs):
         text = "$CIRC_TYPE is #PATH: the tool turns with the arc, which is not checked"
         yield RunKind.ORIENTATION, int(arcs[0]), text
 
@@ -131,7 +131,7 @@ def _others(run: Run, settings: Settings, motion: int) -> Iterator[tuple[RunKind
     if run.has_file:
         counts["$APO.CPTP"] = [initial["$APO.CPTP"], PLANNED_CPTP]
         counts["$ADVANCE"] = [initial["$ADVANCE"], float(run.cell.krl.advance)]
-    for name, value in (*settings.system, ("$ADVANCE", float(settings.advance))):
+    for name, value in sorted(settings.system.items()):
         expected, variable = counts.get(name), system_variable(name)
         if not expected or variable is None or variable.name in run.cell.accept:
             continue

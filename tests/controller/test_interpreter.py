@@ -87,7 +87,7 @@ def test_settings_follow_bas_and_assignments():
     assert second.cdis == pytest.approx(0.75e-3)
     assert dict(second.system)["$APO.CPTP"] == 30.0
     assert second.ptp == (0.4, 0.4, 0.15, 0.4, 0.4, 0.4)
-    assert second.orientation == "JOINT"
+    assert second.system["$ORI_TYPE"] == "JOINT"
     assert result.blend[1] == Blend.EXACT  # nothing is blended without advance run
     assert np.allclose(result.tools[second.tool][:3, 3], [0, 0, 0.15])
     assert np.allclose(result.bases[second.base][:3, 3], [1.5, 0, 0.8])

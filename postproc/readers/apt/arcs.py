@@ -33,7 +33,7 @@ _TANGENT_COSINE = 0.999
 
 @dataclass(frozen=True, slots=True)
 class ArcRecords(Table):
-    """m arcs as read, in the part frame [m].
+    """m arcs as read, in the part frame [m]; those of a block as it writes them.
 
     ``tag`` (m,) index of the tag an arc ends at; ``line`` (m,); ``centre`` (m, 3); ``normal``
     (m, 3) ccw, any length; ``tangent`` (m, 3) start direction that decides which way round the

@@ -7,7 +7,7 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.geometry import rotation_x, rotation_y, rotation_z
 from postproc.model import CamSetup, WordClass
-from postproc.readers.apt.setup import AXIS_NORM_GAP, ROW, rotation
+from postproc.readers.apt.setup import ROW, rotation
 from postproc.readers.apt.state import AptState
 from postproc.readers.apt.statement import Statement, bounded
 from postproc.units import DEG
@@ -127,28 +127,12 @@ def csys_statement(state: AptState, statement: Statement) -> None:
 def tool_axis_statement(state: AptState, statement: Statement) -> None:
     """Handle TLAXIS/: the tool axis of the points that follow, in their own system."""
     numbers = _all_numbers(state, statement, 3)
-    i, j, k = unit_axis(state, numbers)
+    (axis,) = state.unit_axes(np.array([numbers]), np.array([state.line]))
     if state.dialect.setup_plane:
-        state.table.tilt_axis = np.array([i, j, k])
+        state.table.tilt_axis = axis
         untilt(state)
     else:
-        state.set_axis(i, j, k)
-
-
-def unit_axis(state: AptState, numbers: list[float]) -> tuple[float, float, float]:
-    """Return a tool axis of length one.
-
-    Raises:
-        ReadError: APT026 for a zero vector, APT027 for another length, unless recovering.
-    """
-    length = float(np.linalg.norm(numbers))
-    if length < AXIS_NORM_GAP:
-        raise state.faults.error("APT026", "the tool axis is a zero vector", state.line)
-    if abs(length - 1.0) > AXIS_NORM_GAP:
-        text = f"the tool axis has length {length:.4f}, expected 1"
-        state.faults.fix("APT027", text, "its direction is taken", state.line)
-    i, j, k = (value / length for value in numbers)
-    return i, j, k
+        state.set_axis(*axis.tolist())
 
 
 def table_statement(state: AptState, statement: Statement) -> None:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import field, replace
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray, Table
+from postproc.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from postproc.model import WordClass
 from postproc.readers.apt import arctext
+from postproc.readers.apt.arcs import ArcRecords
 from postproc.readers.apt.arctext import NAN, WrittenArc, numbers_of
 from postproc.readers.apt.dialect import ArcSense, Dialect, EighthField
 from postproc.readers.apt.statement import CIRCLE, GOTO, RAPID, SKIP, Scan, Statement, bounded
@@ -24,48 +25,25 @@ _NORMALS = {"XYPLAN": (0.0, 0.0, 1.0), "YZPLAN": (1.0, 0.0, 0.0), "ZXPLAN": (0.0
 
 
 @dataclass(slots=True)
-class MotionArcs(Table):
-    """m arcs of a block, numbers as written in the file.
-
-    ``target`` (m,) index of the point at which each ends, k = the first of the next block;
-    ``line`` (m,); ``numbers`` (m, 7) centre, vector, radius; ``sign`` (m,) +1 counterclockwise
-    about the written vector, -1 clockwise; ``free`` (m,) whether the record leaves the sense open,
-    and the sign is only what most systems mean; ``turns`` (m,) turns begun; ``sweep`` (m,) [rad]
-    and ``rise`` (m,) as written, NaN else; ``tangent`` (m, 3) start direction that decides the
-    sense, ``towards`` (m, 3) a point in that direction, NaN else.
-    """
-
-    target: IndexArray
-    line: IndexArray
-    numbers: FloatArray
-    sign: FloatArray
-    free: BoolArray
-    turns: IndexArray
-    sweep: FloatArray
-    rise: FloatArray
-    tangent: FloatArray
-    towards: FloatArray
-
-
-@dataclass(slots=True)
 class Motions:
     """Motions of a block with k points, numbers as written in the file.
 
     ``lines`` (k,) line indices; ``points`` (k, 6), axis NaN where not given; ``rapid`` (k,);
     ``suspends`` (k,) which rapids take their point out of a drill cycle: those behind its CYCLE;
-    ``arcs`` those that end in this block. Points to be computed from the one before, by index:
-    ``relative`` given as increments, ``lifted`` up to a plane i, j, k, d along the tool axis,
-    ``crossed`` where the arc that ends there meets its plane.
+    ``arcs``: those that end in this block, their ``tag`` the index of that point, k for the first of
+    the next block, lengths as written. What is computed from the point before, by index: points
+    ``relative``, given as increments, and ``lifted`` up to a plane i, j, k, d along the tool axis;
+    ``written``: arcs of which the end or the start direction is.
     """
 
     lines: IndexArray
     points: FloatArray
     rapid: BoolArray
     suspends: BoolArray
-    arcs: MotionArcs
+    arcs: ArcRecords
     relative: list[int] = field(default_factory=list)
     lifted: dict[int, list[float]] = field(default_factory=dict)
-    crossed: dict[int, WrittenArc] = field(default_factory=dict)
+    written: dict[int, WrittenArc] = field(default_factory=dict)
 
 
 class MotionReader(AtLine):
@@ -81,7 +59,7 @@ class MotionReader(AtLine):
         self._rise = NAN
         """Rise that waits for an arc of a later block."""
         self._clearance: list[float] | None = None
-        self._pending: MotionArcs | None = None
+        self._pending: ArcRecords | None = None
         self._scan: Scan
         self._points: dict[int, list[float]] = {}
         self._relative: set[int] = set()
@@ -109,10 +87,10 @@ class MotionReader(AtLine):
             motions.lifted[int(np.searchsorted(lines, line))] = plane
             motions.rapid[motions.lines == line] = True
             motions.suspends[motions.lines == line] = True
-        motions.crossed = {
+        motions.written = {
             int(np.searchsorted(lines, line)): arc
             for line, arc in self._arcs.items()
-            if arc.plane is not None
+            if arc.plane is not None or arc.towards is not None
         }
         return motions
 
@@ -283,77 +261,82 @@ class MotionReader(AtLine):
         self._rapid, self._cycled = bool(is_rapid[k]), bool(is_rapid[k] and not suspends[k])
         return is_rapid[:k], suspends[:k]
 
-    def _all_arcs(self, lines: IndexArray, bulk: IndexArray) -> MotionArcs:
+    def _all_arcs(self, lines: IndexArray, bulk: IndexArray) -> ArcRecords:
         """Return the arcs of the bulk and of the unusual lines in their order."""
-        slow = self._arcs
-        at = np.union1d(bulk, np.array(sorted(slow), dtype=np.int64))
-        m = len(at)
-        arcs = MotionArcs(
-            np.searchsorted(lines, at),
-            at + self._scan.block.first_line,
-            np.full((m, 7), np.nan),
-            np.full(m, np.nan),
-            np.zeros(m, dtype=np.bool_),
-            np.zeros(m, dtype=np.int64),
-            np.full(m, np.nan),
-            np.full(m, np.nan),
-            np.full((m, 3), np.nan),
-            np.full((m, 3), np.nan),
-        )
-        eighth = np.full(m, np.nan)
-        rows = np.searchsorted(at, bulk)
-        arcs.numbers[rows], eighth[rows] = self._scan.circle[:, :7], self._scan.circle[:, 7]
-        for line, arc in slow.items():
+        at = np.union1d(bulk, np.array(sorted(self._arcs), dtype=np.int64))
+        m, rows = len(at), np.searchsorted(at, bulk)
+        numbers, tangent = np.full((m, 7), np.nan), np.full((m, 3), np.nan)
+        eighth, sign, sweep = (np.full(m, np.nan) for _ in range(3))
+        free, turns = np.zeros(m, dtype=np.bool_), np.zeros(m, dtype=np.int32)
+        numbers[rows], eighth[rows] = self._scan.circle[:, :7], self._scan.circle[:, 7]
+        for line, arc in self._arcs.items():
             row = int(np.searchsorted(at, line))
-            arcs.numbers[row], eighth[row] = arc.numbers, arc.eighth
-            arcs.sign[row], arcs.free[row] = arc.sign, arc.is_free
-            arcs.turns[row], arcs.sweep[row] = arc.turns, arc.sweep
-            arcs.tangent[row] = arc.tangent or [NAN] * 3
-            arcs.towards[row] = arc.towards or [NAN] * 3
-        self._by_dialect(arcs, eighth)
-        self._give_rises(arcs, at)
-        return arcs
+            numbers[row], eighth[row], sign[row] = arc.numbers, arc.eighth, arc.sign
+            free[row], turns[row], sweep[row] = arc.is_free, arc.turns, arc.sweep
+            tangent[row] = arc.tangent or [NAN] * 3
+        self._by_dialect(eighth, turns, sign, free, sweep)
+        return ArcRecords(
+            tag=np.searchsorted(lines, at).astype(np.int32),
+            line=(at + self._scan.block.first_line).astype(np.int32),
+            centre=numbers[:, :3],
+            normal=numbers[:, 3:6] * sign[:, None],
+            tangent=tangent,
+            radius=numbers[:, 6],
+            turns=turns,
+            sweep=sweep,
+            rise=self._rises(at),
+            free=free,
+        )
 
-    def _give_rises(self, arcs: MotionArcs, at: IndexArray) -> None:
-        """Give every rise to the first arc behind it, arcs in lines ``at``; the last one waits."""
+    def _rises(self, at: IndexArray) -> FloatArray:
+        """Return the rise (m,) of each arc: the first behind an ARCSLP; the last of these waits."""
+        found = np.full(len(at), np.nan)
         rises, self._rise = {-1: self._rise, **self._slopes}, NAN
         for line, rise in rises.items():
             row = int(np.searchsorted(at, line))
             if row < len(at):
-                arcs.rise[row] = rise
+                found[row] = rise
             else:
                 self._rise = rise
+        return found
 
-    def _by_dialect(self, arcs: MotionArcs, eighth: FloatArray) -> None:
-        """Fill in what a record leaves to the dialect: sense, and the meaning of field 8."""
+    def _by_dialect(
+        self,
+        eighth: FloatArray,
+        turns: IntArray,
+        sign: FloatArray,
+        free: BoolArray,
+        sweep: FloatArray,
+    ) -> None:
+        """Fill in what records leave to the dialect: sense, and the meaning of their ``eighth``."""
         eleven = ~np.isnan(eighth)
         meaning = self._dialect.eighth_field
-        clockwise = np.full(len(arcs), self._dialect.arc_sense is ArcSense.CLOCKWISE)
+        clockwise = np.full(len(sign), self._dialect.arc_sense is ArcSense.CLOCKWISE)
         if meaning is not EighthField.TOLERANCE:
             clockwise |= eleven
-        unsaid = np.isnan(arcs.sign)
-        arcs.sign[unsaid] = np.where(clockwise[unsaid], -1.0, 1.0)
+        unsaid = np.isnan(sign)
+        sign[unsaid] = np.where(clockwise[unsaid], -1.0, 1.0)
         if self._dialect.arc_sense is ArcSense.OPEN:
-            arcs.free[unsaid & ~eleven] = True
+            free[unsaid & ~eleven] = True
         if meaning is EighthField.TOLERANCE:
             return
-        swept = eleven & (arcs.turns == 0)
+        swept = eleven & (turns == 0)
         if meaning is EighthField.EITHER:
             swept &= eighth > _TOLERANCE
-        arcs.sweep[swept] = np.radians(eighth[swept])
+        sweep[swept] = np.radians(eighth[swept])
 
     def _carry_arc(self, motions: Motions) -> None:
         """Prepend the arc that waits from the block before; keep one that waits for the next."""
         arcs = motions.arcs
         if self._pending is not None:
-            self._pending.target[:] = 0
-            arcs = MotionArcs.concat([self._pending, arcs])
-        double = np.flatnonzero(np.diff(arcs.target) == 0)
+            first = replace(self._pending, tag=np.zeros_like(self._pending.tag))
+            arcs = ArcRecords.concat([first, arcs])
+        double = np.flatnonzero(np.diff(arcs.tag) == 0)
         if len(double):
             raise self.faults.error(
                 "APT035", "two arcs without a GOTO between them", int(arcs.line[double[0] + 1])
             )
-        waits = arcs.target == len(motions.lines)
+        waits = arcs.tag == len(motions.lines)
         self._pending = arcs.rows(np.flatnonzero(waits)) if waits.any() else None
         motions.arcs = arcs.rows(np.flatnonzero(~waits))
 

@@ -36,26 +36,25 @@ def resolve_points(
         ReadError: APT025 with no point before, APT087 if an arc does not meet its plane.
     """
     points = motions.points
-    arc_at = dict(zip(motions.arcs.target.tolist(), range(len(motions.arcs)), strict=True))
-    headed = motions.arcs.target[~np.isnan(motions.arcs.towards[:, 0])].tolist()
+    arc_at = dict(zip(motions.arcs.tag.tolist(), range(len(motions.arcs)), strict=True))
     relative = set(motions.relative)
-    for i in sorted(relative | set(motions.lifted) | set(headed)):
+    for i in sorted({*relative, *motions.lifted, *motions.written}):
         before = points[i - 1, :3] if i > 0 else last
         if before is None:
             raise faults.error(
                 "APT025", "a motion with no point before it to start from", int(lines[i])
             )
         start = before[:3]
-        if i in headed:
-            row = arc_at[i]
-            motions.arcs.tangent[row] = motions.arcs.towards[row] - start
+        arc = motions.written.get(i)
+        if arc is not None and arc.towards is not None:
+            motions.arcs.tangent[arc_at[i]] = np.array(arc.towards) - start
         if i in relative:
             step = points[i, :3]
             points[i, :3] = start + (step[2] * axes[i] if np.isnan(step[0]) else step)
         elif i in motions.lifted:
             points[i, :3] = _lifted(start, axes[i], motions.lifted[i])
-        elif i in motions.crossed:
-            end = _crossing(start, motions.crossed[i], motions.arcs.tangent[arc_at[i]])
+        elif arc is not None and arc.plane is not None:
+            end = _crossing(start, arc, motions.arcs.tangent[arc_at[i]])
             if end is None:
                 text = "an arc that does not meet the plane in which it is to end"
                 raise faults.error("APT087", text, int(lines[i]))

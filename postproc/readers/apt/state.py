@@ -258,7 +258,7 @@ class AptState(AtLine):
         points = motions.points[:, :3] * self.scale
         frame = self.frame.column(k).astype(np.int32)
         cycle = self.cycle.column(k).astype(np.int32)
-        arcs = self._arc_records(motions, frame)
+        arcs = self._in_part(motions.arcs, frame)
         for index in np.unique(frame[frame > 0]).tolist():
             R, t = self.frames[index]
             rows = frame == index
@@ -284,7 +284,7 @@ class AptState(AtLine):
         axes: FloatArray = np.array(self.axis_table)[index.astype(np.int64)]
         given = ~np.isnan(points[:, 3])
         if given.any():
-            axes[given] = self._normalised(points[given, 3:6], lines[given])
+            axes[given] = self.unit_axes(points[given, 3:6], lines[given])
             if not self.dialect.axis_of_setup:
                 last = np.maximum.accumulate(np.where(given, np.arange(k), -1))
                 kept = (last >= origin) & (last >= 0)
@@ -294,7 +294,12 @@ class AptState(AtLine):
                     self.axis = Modal(len(self.axis_table) - 1)
         return axes
 
-    def _normalised(self, axes: FloatArray, lines: IntArray) -> FloatArray:
+    def unit_axes(self, axes: FloatArray, lines: IntArray) -> FloatArray:
+        """Return tool axes (k, 3) of length one.
+
+        Raises:
+            ReadError: APT026 for a zero vector, APT027 for another length, unless recovering.
+        """
         length = np.linalg.norm(axes, axis=1)
         zero = np.flatnonzero(length < AXIS_NORM_GAP)
         if len(zero):
@@ -305,31 +310,18 @@ class AptState(AtLine):
         unit: FloatArray = axes / length[:, None] + 0.0
         return unit
 
-    def _arc_records(self, motions: Motions, frame: IntArray) -> ArcRecords:
-        arcs = motions.arcs
-        target = arcs.target.astype(np.int32)
-        centre = arcs.numbers[:, :3] * self.scale
-        normal = arcs.numbers[:, 3:6] * arcs.sign[:, None]
-        tangent = arcs.tangent
-        of_arc = frame[target]
+    def _in_part(self, arcs: ArcRecords, frame: IntArray) -> ArcRecords:
+        """Return the arcs of a block in the part frame [m]; ``frame`` (k,) of its points."""
+        centre, normal, tangent = arcs.centre * self.scale, arcs.normal, arcs.tangent
+        of_arc = frame[arcs.tag]
         for index in np.unique(of_arc[of_arc > 0]).tolist():
             R, t = self.frames[index]
             rows = of_arc == index
             centre[rows] = centre[rows] @ R.T + t
             normal[rows] = normal[rows] @ R.T
             tangent[rows] = tangent[rows] @ R.T
-        return ArcRecords(
-            target,
-            arcs.line.astype(np.int32),
-            centre,
-            normal,
-            tangent,
-            arcs.numbers[:, 6] * self.scale,
-            arcs.turns.astype(np.int32),
-            arcs.sweep,
-            arcs.rise * self.scale,
-            arcs.free,
-        )
+        radius, rise = arcs.radius * self.scale, arcs.rise * self.scale
+        return replace(arcs, centre=centre, radius=radius, rise=rise)
 
     def _check_kinds(self, motions: Motions, kind: IntArray, arcs: ArcRecords) -> None:
         """An arc inside a drill cycle or driven as a rapid has no single meaning."""

@@ -9,6 +9,8 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 
+import numpy as np
+
 from postproc.model import CamSetup, EventKind, WordClass
 from postproc.process import COOLANTS
 from postproc.readers.apt import cycle as apt_cycle
@@ -355,7 +357,8 @@ def _from(state: AptState, statement: Statement) -> None:
     else:
         state.start = R @ numbers[:3] * state.scale + t
     if len(numbers) > 3:
-        state.set_axis(*apt_frames.unit_axis(state, numbers[3:]))
+        (axis,) = state.unit_axes(np.array([numbers[3:]]), np.array([state.line]))
+        state.set_axis(*axis.tolist())
     state.last_point = None
 
 
