@@ -95,6 +95,7 @@ class RunKind(StrEnum):
     ENTRY = "entry"
     TOOL = "tool"
     WORD = "word"
+    MODEL = "model"
 
 
 @dataclass(frozen=True, slots=True)

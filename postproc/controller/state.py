@@ -20,7 +20,7 @@ from postproc.controller.runtime import UNKNOWN, component, matrix_of, pose_of, 
 from postproc.controller.trace import Settings
 from postproc.geometry import inverse
 from postproc.records import dataclass
-from postproc.units import DEG, MM, PERCENT
+from postproc.units import PERCENT
 
 Scalar = float | str
 """A number, or the text of any other value."""

@@ -124,6 +124,19 @@ class Expectation:
 
 
 @dataclass(frozen=True, slots=True)
+class Tolerances:
+    """How far the program may be from the CAM file.
+
+    ``position`` [m] of points, ``axis`` [rad] of the tool axis there, ``path`` [m] along arcs and
+    lines beside the points; None: the chord tolerance of the cell.
+    """
+
+    position: float = 0.01 * MM
+    axis: float = 0.005 * DEG
+    path: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Played:
     """The run that was judged, motion by motion (m,), for those who want to see it.
 
@@ -134,6 +147,7 @@ class Played:
 
     paths: Paths
     durations: FloatArray
+    tolerances: Tolerances
     served: AnyIntArray | None = None
     position_error: FloatArray | None = None
 

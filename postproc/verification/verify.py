@@ -14,7 +14,7 @@ Nothing of the planner or the emitter is used: text in, answer out. Kinds of vio
   ``plunge``, ``peck``, ``blended_plunge``, ``retract``, ``dwell``, ``event``; ``approximation``,
   ``speed``: what the file says of single motions; ``tool``: another tool or base is selected than
   the file means; ``word``: what the CAM file asks for and no program
-  does;
+  does; ``model``: the program is compensated, and no model is given;
 - ``advance``: what the advance run lets happen too early; ``entry``: a joint or rapid motion that
   ends in a cut; ``spindle``: it stands or turns the wrong
   way in a cut, or still turns at the end.
@@ -24,6 +24,7 @@ With a model of the arm (``displacement``) it is the real tool that is compared 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
@@ -34,7 +35,7 @@ from postproc.controller import MotionType
 from postproc.errors import Finding, RunKind, Severity
 from postproc.geometry import rotation_angle
 from postproc.kinematics import Kinematics, build
-from postproc.krl import KrlModule, require_sound
+from postproc.krl import Comment, KrlModule, require_sound
 from postproc.model import ToolPath
 from postproc.paths import Displacement, Paths, cycle_time, durations, joint_paths, run_in_cell
 from postproc.process import (
@@ -54,7 +55,7 @@ from postproc.progress import Progress
 from postproc.units import DEG, MM
 from postproc.verification.between import check_advance, check_between
 from postproc.verification.cam import CHECKS as CAM_CHECKS
-from postproc.verification.cam import Match, Tolerances, leads_in, match_of
+from postproc.verification.cam import Match, leads_in, match_of
 from postproc.verification.capacity import check_capacity, check_torques
 from postproc.verification.checks import (
     check_blending,
@@ -66,7 +67,15 @@ from postproc.verification.checks import (
 from postproc.verification.corners import blended, check_collisions, check_corners, corners_of
 from postproc.verification.coverage import coverage_of
 from postproc.verification.entries import check_entries
-from postproc.verification.report import Played, Remark, Said, VerifyReport, collected, in_order
+from postproc.verification.report import (
+    Played,
+    Remark,
+    Said,
+    Tolerances,
+    VerifyReport,
+    collected,
+    in_order,
+)
 from postproc.verification.run import Cuts, Run
 from postproc.verification.settings import check_rapids, check_settings
 from postproc.verification.spindle import check_spindle
@@ -109,6 +118,7 @@ def verify(
     require_numbers(cell)
     require_sound(modules)
     report = progress or (lambda done, total, what: None)
+    limits = tolerances or Tolerances()
     kinematics = build(cell.robot)
     report(0, 4, "run")
     trace = run_in_cell(modules, name, cell, kinematics)
@@ -120,11 +130,13 @@ def verify(
     if toolpath is not None:
         asked, needs_start, refused = _asked_of(toolpath, cell)
         findings += refused
-        match = match_of(paths, cell, asked, tolerances or Tolerances(), displacement)
+        match = match_of(paths, cell, asked, limits, displacement)
     run = _run_of(paths, cell, kinematics, modules, match)
     run = replace(run, may_stand=may_stand(toolpath, cell), needs_start=needs_start)
     said = [remark for check in CHECKS for remark in check(run)]
-    said += [remark for check in CAM_CHECKS if match is not None for remark in check(run, match)]
+    if match is not None:
+        against = [remark for check in CAM_CHECKS for remark in check(run, match)]
+        said += [*against, *([] if match.is_real else _without_model(modules, against))]
     report(3, 4, "collisions")
     said += check_collisions(run) if collisions else ()
     found, worst = collected(said, paths)
@@ -139,7 +151,7 @@ def verify(
         collisions_checked=collisions and bool(cell.solids),
         coverage=coverage_of(modules, trace, violations),
     )
-    return _with_run(whole, run, match)
+    return _with_run(whole, run, match, limits)
 
 
 def _run_of(
@@ -185,12 +197,36 @@ def _asked_of(toolpath: ToolPath, cell: Cell) -> tuple[ToolPath, bool, list[Find
     return holes_served(toolpath, cell), needs_start, [*refusals(words), *own]
 
 
-def _with_run(report: VerifyReport, run: Run, match: Match | None) -> VerifyReport:
+_COMPENSATED = re.compile(r"\s*compensated \((.+)\): ")
+"""How the comment at the head of a program names the model that its points are shifted by."""
+
+
+def _without_model(modules: Sequence[KrlModule], said: Sequence[Said]) -> Iterator[Remark]:
+    """Say that a program is compensated, whose points and feeds are those of the real tool."""
+    module = modules[0]
+    for statement in module.main.statements:
+        found = _COMPENSATED.match(statement.text) if isinstance(statement, Comment) else None
+        if found is None:
+            continue
+        wrong = any(isinstance(s, Remark) and s.severity is Severity.ERROR for s in said)
+        text = (
+            f"points and feeds are compensated by {found[1]}: without --model {found[1]} the "
+            "commanded tool is compared with the CAM file, not the real one"
+        )
+        severity = Severity.ERROR if wrong else Severity.WARNING
+        place = module.src_path, statement.line
+        yield Remark(RunKind.MODEL, place, text, severity, headline=True)
+        return
+
+
+def _with_run(
+    report: VerifyReport, run: Run, match: Match | None, tolerances: Tolerances
+) -> VerifyReport:
     """Return the report with its times, and how near the program is to the CAM file."""
     times = durations(run.paths, run.cell)
     report = replace(report, cycle_time=cycle_time(run.paths, times))
     if match is None:
-        return replace(report, run=Played(run.paths, times))
+        return replace(report, run=Played(run.paths, times, tolerances))
     off, served = match.off_every, match.every.first
     place = np.argsort(match.order)
     return replace(
@@ -202,7 +238,7 @@ def _with_run(report: VerifyReport, run: Run, match: Match | None) -> VerifyRepo
         matched=int((served >= 0).sum()),
         passed=len(match.passed.tag),
         expectation=match.expectation,
-        run=Played(run.paths, times, served[place], off.position[place]),
+        run=Played(run.paths, times, tolerances, served[place], off.position[place]),
     )
 
 

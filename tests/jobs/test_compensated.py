@@ -467,6 +467,18 @@ def test_the_hidden_twin_lands_on_the_cam_points_within_the_noise(tmp_path):
     assert length["after"].mean() < 0.04 * length["before"].mean()
 
 
+def test_a_compensated_program_without_its_model_names_it_first(run):
+    """Its shifted points and lowered feeds are refused, and the first line says what is missing."""
+    fixture = FIXTURES / "compensated"
+    words = ["--cell", fixture / "cell.toml", "--against", fixture / "slot.apt", "--json"]
+    code, document, _ = run("verify", fixture / "expected" / "slot.src", *words)
+    told = [item["kind"] for item in document["violations"]]
+    assert (code, told[0], told.count("model")) == (1, "model", 1)
+    assert {"position", "feed"} & set(told)
+    assert document["violations"][0]["line"] == 10
+    assert "compensated by model.toml" in document["violations"][0]["detail"]
+
+
 def test_a_compensated_line_behind_a_hole_is_no_cut_too_many(tmp_path, run):
     """It is told in pieces, and the file does not say where it comes from."""
     fixture = FIXTURES / "compensated"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from postproc.model.toolpath import Arcs, Cycle, Event, EventKind
-from postproc.verification.cam.match import Tolerances
+from postproc.verification import Tolerances
 from postproc.verification.cam.matching import match
 from postproc.verification.verify import verify
 from tests.samples import AT_PART, DRILL, HEAD, START, at, cell_in, modules, path_of

@@ -21,7 +21,7 @@ from postproc.errors import headlines
 
 if TYPE_CHECKING:
     from postproc.cell import Cell
-    from postproc.verification import Tolerances, VerifyReport
+    from postproc.verification import VerifyReport
 
 EPILOG = """\b
 Examples:
@@ -78,8 +78,6 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     from postproc.jobs.simulated_path import check_path_name, path_file
     from postproc.jobs.verify import uncounted, verify
     from postproc.model import load_model
-    from postproc.units import DEG, MM
-    from postproc.verification import Tolerances
 
     if options["model"] and not options["against"]:
         raise click.UsageError("--model needs --against: the real tool is compared with CAM points")
@@ -92,15 +90,14 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     toolpath = None
     if options["against"]:
         toolpath = read_cam(options["against"], options, cell)
-    asked = {name: options[name] for name in ("tol_mm", "tol_deg")}
-    tolerances = Tolerances(asked["tol_mm"] * MM, asked["tol_deg"] * DEG)
     with session.progress() as progress:
         report = verify(
             options["program"],
             cell,
             toolpath,
             model=model,
-            **asked,
+            tol_mm=options["tol_mm"],
+            tol_deg=options["tol_deg"],
             collisions=not options["no_collisions"],
             progress=progress,
         )
@@ -113,7 +110,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         files[Path(options["path"])] = path_file(options["path"], report, cell, toolpath)
     write_files(files)
     session.document(report.to_dict())
-    _show(session, report, _measured(report, cell, tolerances))
+    _show(session, report, _measured(report, cell))
     return answer(report.ok)
 
 
@@ -121,14 +118,14 @@ _UNKNOWN = 20
 """So many motions that are not known are listed one by one."""
 
 
-def _measured(report: VerifyReport, cell: Cell, tolerances: Tolerances) -> list[tuple[str, ...]]:
+def _measured(report: VerifyReport, cell: Cell) -> list[tuple[str, ...]]:
     """Return a row for each measure: its worst value, what is allowed, and where it is."""
     from postproc.jobs.explain import measure_named
 
     rows: list[tuple[str, ...]] = []
     for name, worst in sorted(report.worst.items()):
         known = measure_named(name)
-        allowed = known.allowed(cell, tolerances) if known else "-"
+        allowed = known.allowed(cell, report.run.tolerances) if known and report.run else "-"
         where = f"{worst.file}:{worst.line}" + (f" ({worst.detail})" if worst.detail else "")
         rows.append((name, f"{worst.value:.4f}", allowed, worst.unit, where))
     return rows

@@ -30,8 +30,8 @@ class Motions:
 
     ``lines`` (k,) line indices; ``points`` (k, 6), axis NaN where not given; ``rapid`` (k,);
     ``suspends`` (k,) which rapids take their point out of a drill cycle: those behind its CYCLE;
-    ``arcs``: those that end in this block, their ``tag`` the index of that point, k for the first of
-    the next block, lengths as written. What is computed from the point before, by index: points
+    ``arcs``: those that end in this block, their ``tag`` the index of that point, k for the next
+    block's first, lengths as written. What is computed from the point before, by index: points
     ``relative``, given as increments, and ``lifted`` up to a plane i, j, k, d along the tool axis;
     ``written``: arcs of which the end or the start direction is.
     """

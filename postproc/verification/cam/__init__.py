@@ -16,7 +16,7 @@ from postproc.verification.cam.leaving import (
     check_unasked,
     leads_in,
 )
-from postproc.verification.cam.match import Match, Tolerances, match_of
+from postproc.verification.cam.match import Match, match_of
 from postproc.verification.cam.points import check_again, check_missed, check_passed, check_points
 from postproc.verification.cam.ways import check_turns, check_ways
 from postproc.verification.report import Said

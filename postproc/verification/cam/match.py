@@ -21,7 +21,6 @@ from postproc.model import ToolPath
 from postproc.paths import Displacement, Paths
 from postproc.process import Claims, claimed, only, reordered
 from postproc.records import dataclass
-from postproc.units import DEG, MM
 from postproc.verification.cam.calls import Calls, calls_of
 from postproc.verification.cam.drilled import Again, Hole, holes_of, program_order
 from postproc.verification.cam.elements import Ways, ways_of
@@ -29,20 +28,7 @@ from postproc.verification.cam.matching import Served, visits_of, wanted_of
 from postproc.verification.cam.real import RealPaths, real_paths
 from postproc.verification.cam.thinned import Passed, passed_of
 from postproc.verification.cam.tilt import Tilts
-from postproc.verification.report import Expectation
-
-
-@dataclass(frozen=True, slots=True)
-class Tolerances:
-    """How far the program may be from the CAM file.
-
-    ``position`` [m] of points, ``axis`` [rad] of the tool axis there, ``path`` [m] along arcs and
-    lines beside the points; None: the chord tolerance of the cell.
-    """
-
-    position: float = 0.01 * MM
-    axis: float = 0.005 * DEG
-    path: float | None = None
+from postproc.verification.report import Expectation, Tolerances
 
 
 @dataclass(frozen=True, slots=True)
