@@ -198,7 +198,7 @@ def _report(
     return DiffReport(
         old,
         new,
-        tuple(Difference(**entry) for entries, _ in found for entry in entries),
+        tuple(entry for entries, _ in found for entry in entries),
         sum(len(left.trace) for left, _ in pairs),
         sum(len(right.trace) for _, right in pairs),
         compared=tuple(compared for _, compared in found),
@@ -230,7 +230,7 @@ def _unread(
             return None
     where = "both" if name in left and name in right else "the old" if name in left else "the new"
     text = f"module {name} cannot be compared: {where} is no KRL, {finding.message}"
-    return _of_module(text, *finding.place, is_old=name in left)
+    return Difference.of("module", text, *finding.place, is_old=name in left)
 
 
 def _compared(
@@ -322,11 +322,4 @@ def _name_in(folder: str, path: str) -> str:
 
 def _lost(module: KrlModule, what: str, *, is_old: bool) -> Difference:
     path = module.src_path or module.dat_path
-    return _of_module(f"module {module.name} {what}", path, 1, is_old=is_old)
-
-
-def _of_module(text: str, path: str, line: int | None, *, is_old: bool) -> Difference:
-    """Return the difference that a module is on one side."""
-    if is_old:
-        return Difference("module", text, line, None, old_file=path)
-    return Difference("module", text, None, line, new_file=path)
+    return Difference.of("module", f"module {module.name} {what}", path, 1, is_old=is_old)

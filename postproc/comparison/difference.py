@@ -25,14 +25,21 @@ class Difference:
 
     kind: str
     detail: str
-    old_line: int | None
-    new_line: int | None
+    old_line: int | None = None
+    new_line: int | None = None
     distance_mm: float | None = None
     angle_deg: float | None = None
     old_file: str = ""
     new_file: str = ""
     position_mm: tuple[tuple[float, ...], tuple[float, ...]] | None = None
     """Old and new target of a moved Cartesian motion, for drawing."""
+
+    @classmethod
+    def of(cls, kind: str, detail: str, file: str, line: int | None, *, is_old: bool) -> Difference:
+        """Return the difference that something is which only one program has."""
+        if is_old:
+            return cls(kind, detail, old_line=line, old_file=file)
+        return cls(kind, detail, new_line=line, new_file=file)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the entry of the JSON document."""

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from postproc.arrays import FloatArray, IndexArray
 from postproc.comparison.align import Lines, align
+from postproc.comparison.difference import Difference
 from postproc.comparison.listing import listing
 from postproc.comparison.manifest import about
 from postproc.comparison.settings import StateDifference, cam_lines, state_differences
@@ -32,8 +34,7 @@ _EVENT_KINDS = {
     EventWord.DATA: "data",
     EventWord.OTHER: "other",
 }
-Entry = dict[str, Any]
-Placed = tuple[tuple[int, int], Entry]
+Placed = tuple[tuple[int, int], Difference]
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +48,7 @@ class Program:
     """Text of every event, without the digits that do not matter."""
     motion: IndexArray
     event: IndexArray
-    ends: tuple[tuple[str, int, tuple[int, int]], ...]
+    ends: tuple[tuple[str, int, tuple[str, int]], ...]
     """What is in force behind the last motions; see ``Listing``."""
     cam: IndexArray
     """(m,) CAM line that the comment of a motion names, 0 without one."""
@@ -123,8 +124,8 @@ class Compared:
 
 def differences(
     old: Program, new: Program, position: float, angle_deg: float, speed: float
-) -> tuple[list[Entry], Compared]:
-    """Return the differences of two programs as keyword arguments of ``Difference``.
+) -> tuple[list[Difference], Compared]:
+    """Return the differences of two programs in the order of the old one.
 
     Args:
         old: one program.
@@ -192,7 +193,7 @@ def _place_in_old(pairs: tuple[IndexArray, IndexArray], line: int) -> int:
     return int(pairs[0][before - 1]) if before else -1
 
 
-def _one_sided(program: Program, line: int, file: str, number: int, is_old: bool) -> Entry:
+def _one_sided(program: Program, line: int, file: str, number: int, is_old: bool) -> Difference:
     row = int(program.motion[line])
     if row >= 0:
         kind = "removed" if is_old else "inserted"
@@ -201,14 +202,7 @@ def _one_sided(program: Program, line: int, file: str, number: int, is_old: bool
         event = int(program.event[line])
         kind = _EVENT_KINDS[program.trace.events[event].word]
         detail = f"{'removed' if is_old else 'added'} {program.texts[event]}"
-    return {
-        "kind": kind,
-        "detail": detail,
-        "old_line": number if is_old else None,
-        "new_line": None if is_old else number,
-        "old_file": file if is_old else "",
-        "new_file": "" if is_old else file,
-    }
+    return Difference.of(kind, detail, file, number, is_old=is_old)
 
 
 class _Comparer:
@@ -258,8 +252,10 @@ class _Comparer:
             before, after = self.old.texts[event], self.new.texts[int(self.new.event[other])]
             if before != after:
                 word = self.old.trace.events[event].word
-                entry = {"kind": _EVENT_KINDS[word], "detail": f"{before} became {after}"}
-                yield (line, 2), self._placed(entry, line, other)
+                yield (
+                    (line, 2),
+                    self._placed(_entry(_EVENT_KINDS[word], before, after), line, other),
+                )
 
     # ------------------------------------------------------------------------------- the state
 
@@ -287,7 +283,7 @@ class _Comparer:
                     continue
                 stop = next((n for n in range(k, len(held)) if item not in held[n]), len(held))
                 motions = sum(lengths[k:stop])
-                entry = {"kind": item.kind, "detail": f"{item}, {motions} motions"}
+                entry = Difference(item.kind, f"{item}, {motions} motions")
                 line, other = int(self._left[start]), int(self._right[start])
                 yield (line, 1000), self._placed(entry, line, other)
         told = {item for items in states for item in items}
@@ -295,15 +291,11 @@ class _Comparer:
         for name, row, place in self.old.ends:
             for item in self._state(row, ends[name][0]) if name in ends else ():
                 if item not in told:
-                    entry = {"kind": item.kind, "detail": f"{item} behind the last motion"}
-                    yield (len(self.old.motion), 0), self._at(entry, place, ends[name][1])
+                    entry = Difference(item.kind, f"{item} behind the last motion")
+                    yield (len(self.old.motion), 0), _put(entry, place, ends[name][1])
 
-    def _placed(self, entry: Entry, line: int, other: int) -> Entry:
+    def _placed(self, entry: Difference, line: int, other: int) -> Difference:
         return _put(entry, self.old.place(line), self.new.place(other))
-
-    def _at(self, entry: Entry, old: tuple[int, int], new: tuple[int, int]) -> Entry:
-        files = self.old.trace.files, self.new.trace.files
-        return _put(entry, (files[0][old[0]], old[1]), (files[1][new[0]], new[1]))
 
     def _shifts(self, i: IndexArray, j: IndexArray) -> tuple[FloatArray, FloatArray]:
         """Return how far targets are apart (p,) [m] and turned (p,) [rad], NaN parts as equal."""
@@ -339,7 +331,7 @@ class _Comparer:
             differ |= np.array(ours, dtype=str)[i] != np.array(theirs, dtype=str)[j]
         return differ
 
-    def _motion(self, i: int, j: int) -> Iterator[Entry]:
+    def _motion(self, i: int, j: int) -> Iterator[Difference]:
         """Yield what differs beside the target."""
         old, new = self.old.trace, self.new.trace
         if self.old.words[i] != self.new.words[j]:
@@ -358,44 +350,38 @@ class _Comparer:
             if np.abs(e - f).max() > self._position / MM:
                 yield _entry("external", externals_text(e), externals_text(f))
 
-    def _moved(self, i: int, j: int, off: float, turned: float) -> Entry:
+    def _moved(self, i: int, j: int, off: float, turned: float) -> Difference:
         parts: list[str] = []
-        entry: Entry = {"kind": "moved"}
+        distance = off / MM if self._position < off < math.inf else None
+        angle = turned / DEG if self._angle < turned < math.inf else None
         if off > self._position:
-            parts.append(f"{off / MM:.4f} mm" if off < math.inf else "other coordinates")
-            entry["distance_mm"] = off / MM if off < math.inf else None
+            parts.append("other coordinates" if distance is None else f"{distance:.4f} mm")
         if turned > self._angle:
-            parts.append(f"{turned / DEG:.4f} deg" if turned < math.inf else "other angles")
-            entry["angle_deg"] = turned / DEG if turned < math.inf else None
+            parts.append("other angles" if angle is None else f"{angle:.4f} deg")
         before, after = self._old_targets[i], self._new_targets[j]
         names = AXES if self._is_axes[i] else POSE
         target = " ".join([f"{n} {v:.3f}" for n, v in zip(names, after, strict=True)])
-        entry["detail"] = f"by {' and '.join(parts)} to {target}"
-        if not self._is_axes[i]:
-            entry["position_mm"] = (tuple(before[:3]), tuple(after[:3]))
-        return entry
+        places = None if self._is_axes[i] else (tuple(before[:3]), tuple(after[:3]))
+        text = f"by {' and '.join(parts)} to {target}"
+        return Difference("moved", text, distance_mm=distance, angle_deg=angle, position_mm=places)
 
-    def _arc(self, i: int, j: int) -> Iterator[Entry]:
+    def _arc(self, i: int, j: int) -> Iterator[Difference]:
         """Compare auxiliary point and arc angle of circular motions."""
         a, b = self.old.trace.auxiliary.get(i), self.new.trace.auxiliary.get(j)
         if a is not None and b is not None:
             off = float(np.linalg.norm(a[:3] - b[:3]))
             if off > self._position:
-                yield {
-                    "kind": "moved",
-                    "detail": f"auxiliary point by {off / MM:.4f} mm",
-                    "distance_mm": off / MM,
-                }
+                text = f"auxiliary point by {off / MM:.4f} mm"
+                yield Difference("moved", text, distance_mm=off / MM)
         angles = self.old.trace.angle.get(i), self.new.trace.angle.get(j)
         if angles[0] != angles[1]:
             texts = ["no CA" if v is None else f"CA {v / DEG:.4f}" for v in angles]
             yield _entry("moved", texts[0], texts[1])
 
 
-def _entry(kind: str, before: str, after: str) -> Entry:
-    return {"kind": kind, "detail": f"{before} became {after}"}
+def _entry(kind: str, before: str, after: str) -> Difference:
+    return Difference(kind, f"{before} became {after}")
 
 
-def _put(entry: Entry, old: tuple[str, int], new: tuple[str, int]) -> Entry:
-    places = {"old_file": old[0], "old_line": old[1], "new_file": new[0], "new_line": new[1]}
-    return {**entry, **places}
+def _put(entry: Difference, old: tuple[str, int], new: tuple[str, int]) -> Difference:
+    return replace(entry, old_file=old[0], old_line=old[1], new_file=new[0], new_line=new[1])

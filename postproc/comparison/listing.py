@@ -89,7 +89,7 @@ class Listing:
     words: tuple[str, ...]
     relative: tuple[str, ...]
     """(m,) frame of a relative motion, empty for a target."""
-    ends: tuple[tuple[str, int, tuple[int, int]], ...]
+    ends: tuple[tuple[str, int, tuple[str, int]], ...]
     """Routines that were begun by themselves: name, row of the settings at its end, its place."""
 
 
@@ -211,7 +211,7 @@ class _Lister(Interpreter):
         self._lines_left = self._motions_left = sys.maxsize  # it never goes back
         self._unseen: dict[str, Any] = {}
         """What was in force at the last motion, of all that was set since."""
-        self.ends: list[tuple[str, int, tuple[int, int]]] = []
+        self.ends: list[tuple[str, int, tuple[str, int]]] = []
         self.depth = 0
         """Blocks around the line that runs: what stands in one may not be run, or often."""
         self.motions = _ListedMotions(self)
@@ -257,9 +257,8 @@ class _Lister(Interpreter):
         self.state.values = self._at_start
         self._unseen.clear()
         self._execute(module, routine, ())
-        place = (self.recorder.file_row(module.src_path), routine.end_line)
         name = "" if not self.ends else routine.name.upper()  # the program itself comes first
-        self.ends.append((name, self.state.row(), place))
+        self.ends.append((name, self.state.row(), (module.src_path, routine.end_line)))
 
     def _execute(
         self, module: KrlModule, routine: Routine, arguments: tuple[tuple[str, Any], ...]

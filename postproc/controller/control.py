@@ -6,10 +6,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import field
 from typing import Any
 
-from postproc.controller.flow import Flow
 from postproc.controller.runtime import UNKNOWN, Evaluator, Variables
 from postproc.errors import RunKind, Severity
-from postproc.krl import LOOPS, Control, KrlModule, Node, Routine, Statement, parse_expression
+from postproc.krl import LOOPS, Control, Flow, KrlModule, Node, Routine, Statement, parse_expression
 from postproc.records import dataclass
 
 

@@ -22,7 +22,6 @@ from typing import Any
 from postproc import krl
 from postproc.arrays import FloatArray
 from postproc.controller.control import Activation, ControlFlow
-from postproc.controller.flow import Flow, flow_of
 from postproc.controller.library import (
     CONTACT_ROUTINE,
     DECLARING,
@@ -114,7 +113,7 @@ class Interpreter:
         )
         self._system: dict[str, Any] = {}
         self._active: dict[str, Any] = {}
-        self._flows: dict[tuple[str, str, int], Flow] = {}
+        self._flows: dict[tuple[str, str, int], krl.Flow] = {}
         self._global_routines: dict[str, list[tuple[krl.KrlModule, krl.Routine]]] = {}
         for module in self._modules.values():
             for routine in module.routines:
@@ -160,13 +159,13 @@ class Interpreter:
         key = module.name, routine.name, routine.line
         flow = self._flows.get(key)
         if flow is None:
-            flow = self._flows[key] = flow_of(routine)
+            flow = self._flows[key] = krl.flow_of(routine)
         run = Activation(routine, module, flow, self.recorder.file_row(module.src_path))
         run.local.plain.update(arguments)
         self._stack.append(run)
         self._line = routine.line
         if flow.broken:
-            self._line = routine.statements[flow.broken[0]].line
+            self._line = flow.broken[0][0]
             self.finding(RunKind.STRUCTURE, "program control without its other half")
         else:
             self._loop(run)

@@ -32,55 +32,12 @@ def blocks(subject: Subject) -> None:
             routine = part.routine
             if not routine.is_closed:
                 message = f"{routine.name} has no END: the file is cut off or END is missing"
-                subject.add(2, ERROR, module.src_path, routine.end_line, message)
-            _balance(part)
+                part.error(2, routine.end_line, message)
+            for line, message in krl.flow_of(routine).broken:
+                part.error(2, line, message)
         if module.data is not None and not module.data.is_closed:
             message = f"{module.data.name} has no ENDDAT"
             subject.add(2, ERROR, module.dat_path, module.data.end_line, message)
-
-
-def _balance(part: Part) -> None:
-    module, stack = part.module, list[tuple[str, int]]()
-    for statement in part.of_kinds(krl.SplineBegin, krl.SplineEnd, krl.Control):
-        if isinstance(statement, krl.SplineBegin):
-            stack.append(("SPLINE", statement.line))
-        elif isinstance(statement, krl.SplineEnd):
-            _close(part.subject, module, stack, "SPLINE", "ENDSPLINE", statement.line)
-        elif isinstance(statement, krl.Control):
-            _control(part.subject, module, stack, statement)
-    for word, line in stack:
-        part.subject.add(2, ERROR, module.src_path, line, f"{word} is never closed")
-
-
-def _control(
-    subject: Subject, module: krl.KrlModule, stack: list[tuple[str, int]], statement: krl.Control
-) -> None:
-    word = statement.word
-    if word in krl.CLOSERS:
-        stack.append((word, statement.line))
-    elif word in krl.OPENERS:
-        _close(subject, module, stack, krl.OPENERS[word], word, statement.line)
-    elif word in krl.BRANCHES and (not stack or stack[-1][0] != krl.BRANCHES[word]):
-        subject.add(
-            2, ERROR, module.src_path, statement.line, f"{word} outside {krl.BRANCHES[word]}"
-        )
-    elif word == "EXIT" and not any(opener in krl.LOOPS for opener, _ in stack):
-        subject.add(2, ERROR, module.src_path, statement.line, "EXIT outside a loop")
-
-
-def _close(
-    subject: Subject,
-    module: krl.KrlModule,
-    stack: list[tuple[str, int]],
-    opener: str,
-    closer: str,
-    line: int,
-) -> None:
-    if stack and stack[-1][0] == opener:
-        stack.pop()
-        return
-    open_ = f"{stack[-1][0]} of line {stack[-1][1]} is open" if stack else "nothing is open"
-    subject.add(2, ERROR, module.src_path, line, f"{closer} without {opener}: {open_}")
 
 
 def declarations(subject: Subject) -> None:
@@ -93,7 +50,7 @@ def declarations(subject: Subject) -> None:
 
 
 def _routine_declarations(part: Part) -> None:
-    module, routine, statements = part.module, part.routine, part.routine.statements
+    statements = part.routine.statements
     instructions = (
         i for i, s in enumerate(statements) if not (isinstance(s, _QUIET) or _declares(s))
     )
@@ -102,29 +59,22 @@ def _routine_declarations(part: Part) -> None:
         statement = statements[index]
         if index > first and _declares(statement):
             message = f"a declaration behind the first instruction (line {statements[first].line})"
-            part.subject.add(6, ERROR, module.src_path, statement.line, message)
+            part.error(6, statement.line, message)
         for variable in statement.variables if isinstance(statement, krl.Declaration) else ():
-            _sized(part.subject, module, routine, statement.line, variable)
+            _sized(part, statement.line, variable)
             if variable.value is not None:
-                part.subject.add(
-                    6,
-                    ERROR,
-                    module.src_path,
-                    statement.line,
-                    f"{variable.name} is given a value in a .src declaration",
-                    hint="declare it in the .dat with its value, or assign it behind INI",
-                )
+                message = f"{variable.name} is given a value in a .src declaration"
+                hint = "declare it in the .dat with its value, or assign it behind INI"
+                part.error(6, statement.line, message, hint)
 
 
-def _sized(
-    subject: Subject, module: krl.KrlModule, routine: krl.Routine, line: int, variable: krl.Variable
-) -> None:
+def _sized(part: Part, line: int, variable: krl.Variable) -> None:
     """An array has a size, but for a parameter, which takes that of its argument."""
     name = variable.name.upper()
     if variable.dimension is None or variable.dimension.strip(" ,"):
         return
-    if all(parameter.name.upper() != name for parameter in routine.parameters):
-        subject.add(6, ERROR, module.src_path, line, f"{variable.name} is an array without a size")
+    if all(parameter.name.upper() != name for parameter in part.routine.parameters):
+        part.error(6, line, f"{variable.name} is an array without a size")
 
 
 def _declares(statement: krl.Statement) -> bool:

@@ -11,6 +11,7 @@ from postproc.krl.text.expression import (
     nodes_in,
     parse_expression,
 )
+from postproc.krl.text.flow import Flow, flow_of
 from postproc.krl.text.lexer import KrlSyntaxError, tokenise
 from postproc.krl.text.literals import components, pose_or_axes, table_of
 from postproc.krl.text.names import NameAllocator, comment_text, legal_name
