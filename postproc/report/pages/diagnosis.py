@@ -32,7 +32,7 @@ from postproc.report.parts import (
     headline,
     how_far,
     line_chart,
-    space_view,
+    shaded_view,
     table,
     where_joint,
     where_place,
@@ -45,7 +45,6 @@ _MOST_POINTS = 1500
 _BINS = 12
 _MOST_DOTS = 600
 _CARD = (440, 240)
-_SHADES = ("#cfd8dc", "#ffcc80", "#fb8c00", "#d84315", "#7f0000")
 
 
 def diagnosis_page(
@@ -116,17 +115,9 @@ def _places(diagnosis: Diagnosis) -> str:
     rows = np.flatnonzero(diagnosis.kept)
     some = slice(None, None, max(1, len(rows) // _MOST_DOTS))
     points, size = diagnosis.problem.measured[rows[some]] / MM, before[some]
-    low, high = np.quantile(size, [0.05, 0.95])
-    share = np.clip((size - low) / max(float(high - low), 1e-9), 0.0, 1.0)
-    colours = [_SHADES[round(s * (len(_SHADES) - 1))] for s in share.tolist()]
     ids = diagnosis.problem.measurements.ids
     titles = [f"{ids[k]}: {v:.3f} mm" for k, v in zip(rows[some], size, strict=True)]
-    foot = f"<p>{_dot(_SHADES[0])} {low:.3f} mm or less {_dot(_SHADES[-1])} {high:.3f} or more</p>"
-    return space_view(points, colours, [], titles, _CARD) + foot
-
-
-def _dot(colour: str) -> str:
-    return f'<span style="color:{colour}">&#9679;</span>'
+    return shaded_view(points, size, titles, _CARD)
 
 
 def _shrunk(content: dict[str, Any]) -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from postproc.report.parts import Page, RowsView, TagColumn, add_rows, table
+from postproc.report.parts import Page, RowsView, TagColumn, add_rows, first_rows, table
 from postproc.units import MM
 
 if TYPE_CHECKING:
@@ -68,10 +68,8 @@ def _all(report: DiffReport) -> str:
         )
         for item in report.differences[:_MOST_ROWS]
     ]
-    left = len(report.differences) - _MOST_ROWS
-    more = f"<p>and {left} more</p>" if left > 0 else ""
     head = ("kind", "old", "new", "shift [mm]", "turn [deg]", "what")
-    return f'<div class="scroll">{table(head, rows)}</div>{more}'
+    return first_rows(head, rows, len(report.differences) - _MOST_ROWS)
 
 
 def _place(file: str, line: int | None) -> str:

@@ -20,9 +20,11 @@ from postproc.report.parts import (
     TagColumn,
     axes_in_drawn_base,
     cam_lines,
+    colour_html,
     escape,
     extent_of,
     in_drawn_base,
+    list_html,
     packed,
     packed_text,
     scene_data,
@@ -108,7 +110,7 @@ def motion_sections(page: Page, columns: list[TagColumn], rows: str, spins: bool
     ``spins`` adds the chart over the spin about the tool axis.
     """
     page.section("Robot and path", _scene_html(columns), "seven")
-    page.section(rows, _TAGS_HTML, "five")
+    page.section(rows, list_html(_FILTERS_HTML), "five")
     page.section("CAM file and program", _SOURCE_HTML, "seven" if spins else "")
     if spins:
         heading = "Stiffness over the spin about the tool axis"
@@ -122,7 +124,8 @@ def lead(
 ) -> list[str]:
     """Return the sentences that a program's page leads with, the verdict first."""
     tags, total, failing = len(plan.toolpath), plan.cycle_time, _failing(findings)
-    nearest = _nearest(maps, columns)
+    margin = next((c.values for c in columns if c.key == "margin"), np.zeros(0))
+    nearest = nearest_words(maps.clearance, margin)
     errors = [finding for finding in findings if finding.severity is Severity.ERROR]
     rows = [f"{row['repair']} ({row['because']}) {row['times']}x" for row in repairs_tried(plan)]
     tried = [f"Tried where something was missing at first: {'; '.join(rows)}."] if rows else []
@@ -149,15 +152,13 @@ def lead(
     return lines + tried
 
 
-def _nearest(maps: PlanMaps, columns: Sequence[TagColumn]) -> str:
-    """Return the smallest clearance and margin in words, nothing where none is known."""
-    found = [
-        ("clearance", maps.clearance / MM, "mm"),
-        *(("margin to a joint limit", c.values, "deg") for c in columns if c.key == "margin"),
-    ]
+def nearest_words(clearance: FloatArray | float, margin_deg: FloatArray) -> str:
+    """Return the smallest clearance [m] and margin in words, nothing where none is known."""
+    found = [("clearance", np.ravel(clearance) / MM, "mm")]
+    found += [("margin to a joint limit", margin_deg, "deg")]
     known = [(name, values[np.isfinite(values)], unit) for name, values, unit in found]
-    words = [f"smallest {name} {v.min():.1f} {unit}" for name, v, unit in known if len(v)]
-    return f" {', '.join(words).capitalize()}." if words else ""
+    words = [f"{name} {v.min():.1f} {unit}" for name, v, unit in known if len(v)]
+    return f" Smallest {', '.join(words)}." if words else ""
 
 
 def pose_data(poses: Mapping[int, FailingPose], cell: Cell) -> dict[str, Any]:
@@ -293,10 +294,6 @@ def _operations(plan: Plan) -> str:
 
 def _scene_html(columns: list[TagColumn]) -> str:
     order = sorted(columns, key=lambda column: column.key != "stiffness")
-    options = "".join(
-        f'<option value="{column.key}">{escape(column.label)} [{column.unit}]</option>'
-        for column in order
-    )
     return (
         '<div id="scene"></div><div class="bar"><button id="play">play</button>'
         '<input type="range" id="slider" min="0" max="1000" step="any" value="0" '
@@ -305,19 +302,14 @@ def _scene_html(columns: list[TagColumn]) -> str:
         "<option selected>5</option><option>20</option><option>100</option></select></label>"
         '<label>view <select id="view"><option>cell</option><option>part</option>'
         "<option>tag</option></select></label>"
-        f'<label>colour <select id="colour">{options}</select></label>'
-        '<span id="low"></span><span class="legend" id="legend"></span><span id="high"></span>'
-        "</div>"
+        f"{colour_html(order)}</div>"
     )
 
 
-_TAGS_HTML = (
-    '<div class="bar"><label><input type="checkbox" id="failing"> failing only</label>'
+_FILTERS_HTML = (
+    '<label><input type="checkbox" id="failing"> failing only</label>'
     '<label>state <select id="state"><option value="">all</option><option value="2">critical'
     '</option><option value="1">acceptable</option><option value="0">good</option></select></label>'
-    '<label>find <input id="search" type="search" size="10"></label>'
-    '<span id="more"></span></div><div class="scroll" id="list"><table id="tags"><thead><tr></tr>'
-    "</thead><tbody></tbody></table></div>"
 )
 _SOURCE_HTML = (
     '<p id="which"></p><div class="two"><div><h3>CAM file</h3><pre id="cam"></pre></div>'

@@ -11,6 +11,7 @@ from postproc.report.parts import (
     Series,
     TagColumn,
     add_rows,
+    first_rows,
     line_chart,
     space_view,
     table,
@@ -102,6 +103,4 @@ def _left_out(sampling: Sampling) -> str:
     rows += [(name, "", "the way to it collides") for name in sampling.blocked]
     if not rows:
         return "<p>nothing</p>"
-    shown = table(("tag", "angle [deg]", "why"), rows[:_MOST_ROWS])
-    more = f"<p>and {len(rows) - _MOST_ROWS} more</p>" if len(rows) > _MOST_ROWS else ""
-    return f'<div class="scroll">{shown}</div>{more}'
+    return first_rows(("tag", "angle [deg]", "why"), rows[:_MOST_ROWS], len(rows) - _MOST_ROWS)

@@ -7,7 +7,7 @@ import base64
 import numpy as np
 
 from postproc.planning import CLOSE, NEAR, Grade, SpinClass, SpinMap
-from postproc.report.parts import CLASS_WORDS, Page, Picture, draw, packed, table
+from postproc.report.parts import CLASS_WORDS, Page, Picture, draw, first_rows, packed, table
 from postproc.units import DEG, N_PER_MM, PERCENT
 
 _MOST_ROWS = 500
@@ -128,18 +128,8 @@ def _care(spins: SpinMap) -> str:
         )
     if not rows:
         return '<p class="good">none</p>'
-    head = (
-        "tag",
-        "CAM line",
-        "class",
-        "free spins",
-        "chosen [deg]",
-        "stiffest free [deg]",
-        "loss [%]",
-    )
-    left = len(tags) - len(rows)
-    more = f"<p>and {left} more; the CSV has every tag</p>" if left else ""
-    return f'<div class="scroll">{table(head, rows)}</div>{more}'
+    head = ("tag", "CAM line", "class", "free spins", "chosen [deg]", "stiffest free [deg]")
+    return first_rows((*head, "loss [%]"), rows, len(tags) - len(rows), "; the CSV has every tag")
 
 
 def _number(value: float, form: str) -> str:

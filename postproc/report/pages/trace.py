@@ -7,13 +7,12 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.report.parts import Page, Series, escape, line_chart, space_view, table
+from postproc.report.parts import Page, Series, escape, line_chart, shaded_view, table
 from postproc.trace import PathDiagnosis, summary
 from postproc.units import DEG, MM
 
 _MOST_POINTS = 1500
 _MOST_DOTS = 1200
-_SHADES = ("#cfd8dc", "#ffcc80", "#fb8c00", "#d84315", "#7f0000")
 
 
 def trace_page(found: PathDiagnosis, content: dict[str, Any]) -> bytes:
@@ -80,12 +79,8 @@ def _some(count: int, most: int) -> slice:
 def _path(found: PathDiagnosis) -> str:
     some = _some(len(found.contour), _MOST_DOTS)
     size = found.contour[some] / MM
-    low, high = np.quantile(size, [0.05, 0.98])
-    share = np.clip((size - low) / max(float(high - low), 1e-9), 0.0, 1.0)
-    colours = [_SHADES[round(s * (len(_SHADES) - 1))] for s in share.tolist()]
     titles = [f"{v:.4f} mm off the path" for v in size]
-    foot = f"<p>{low:.4f} mm off the path or less: pale; {high:.4f} mm or more: dark</p>"
-    return space_view(found.scene.points[some] / MM, colours, [], titles) + foot
+    return shaded_view(found.scene.points[some] / MM, size, titles)
 
 
 def _effects(content: dict[str, Any]) -> str:

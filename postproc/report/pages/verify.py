@@ -19,6 +19,7 @@ from postproc.report.pages.program import (
     frame_data,
     frame_words,
     motion_sections,
+    nearest_words,
     pose_data,
     time_span,
 )
@@ -92,22 +93,23 @@ def verify_page(
     }
     motion_sections(page, columns, "Motions")
     page.section("Worst of each measure", _worst(report), "half")
-    trace = report.run.paths.trace
-    first = {trace.place(row): row for row in reversed(range(len(trace)))}
+    first = _first_motions(report.run)
     page.findings([*report.violations, *report.warnings], lambda item: first.get(item.place))
     return page.render()
 
 
 def _lead(report: VerifyReport, maps: RunMaps) -> list[str]:
     careful = "".join(f", but {text}" for text in headlines(report.warnings))
+    near = nearest_words(maps.clearance, maps.margin / DEG)
     if report.ok:
-        lines = [f"The program is good: {report.points} motions, nothing against them{careful}."]
-        lines[0] += _nearest(maps)
+        lines = [
+            f"The program is good: {report.points} motions, nothing against them{careful}.{near}"
+        ]
     else:
         first = report.violations[0]
         count = len(report.violations)
         word = "one violation" if count == 1 else f"{count} violations"
-        lines = [f"The program is bad: {word}.{_nearest(maps)}", f"First: {first}"]
+        lines = [f"The program is bad: {word}.{near}", f"First: {first}"]
     if report.position_error is not None:
         lines.append(
             f"{report.matched} of {report.tags} CAM points are passed in order, the worst "
@@ -125,20 +127,15 @@ def _lead(report: VerifyReport, maps: RunMaps) -> list[str]:
     return lines
 
 
-def _nearest(maps: RunMaps) -> str:
-    """Return the smallest clearance and margin in words, nothing where none is known."""
-    margin = maps.margin[np.isfinite(maps.margin)]
-    words = [f"clearance {maps.clearance / MM:.1f} mm"] if np.isfinite(maps.clearance) else []
-    words += [f"margin to a joint limit {margin.min() / DEG:.1f} deg"] if len(margin) else []
-    return f" Smallest {', '.join(words)}." if words else ""
+def _first_motions(run: Played) -> dict[tuple[str, int], int]:
+    """Return the first motion of each line, by file and line."""
+    trace = run.paths.trace
+    return {trace.place(row): row for row in reversed(range(len(trace)))}
 
 
 def texts_by_motion(report: VerifyReport) -> dict[int, list[str]]:
     """Return the violations by the first motion of the line they name."""
-    trace = report.run.paths.trace if report.run else None
-    first: dict[tuple[str, int], int] = {}
-    for row in range(len(trace) if trace is not None else 0):
-        first.setdefault(trace.place(row), row)  # type: ignore[union-attr]
+    first = _first_motions(report.run) if report.run else {}
     found: dict[int, list[str]] = defaultdict(list)
     for violation in report.violations:
         at = first.get(violation.place)

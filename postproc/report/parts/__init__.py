@@ -1,11 +1,19 @@
 """What pages are put together from."""
 
-from postproc.report.parts.charts import Series, bar_chart, line_chart, space_view
+from postproc.report.parts.charts import Series, bar_chart, line_chart, shaded_view, space_view
 from postproc.report.parts.glance import doubt, how_far, where_joint, where_place, where_time, which
 from postproc.report.parts.headline import headline
-from postproc.report.parts.page import Page, escape, finding_rows, packed, packed_text, table
+from postproc.report.parts.page import (
+    Page,
+    escape,
+    finding_rows,
+    first_rows,
+    packed,
+    packed_text,
+    table,
+)
 from postproc.report.parts.program_text import ProgramText
-from postproc.report.parts.rows_view import RowsView, add_rows
+from postproc.report.parts.rows_view import RowsView, add_rows, colour_html, list_html
 from postproc.report.parts.scene_data import (
     Drawing,
     Solid,

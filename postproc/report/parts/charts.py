@@ -11,6 +11,10 @@ from postproc.arrays import FloatArray
 from postproc.records import dataclass
 from postproc.report.parts.page import escape
 
+_SPACE = (640, 420)
+"""Width and height of points in space."""
+_SHADES = ("#cfd8dc", "#ffcc80", "#fb8c00", "#d84315", "#7f0000")
+
 
 @dataclass(frozen=True, slots=True)
 class Series:
@@ -86,12 +90,24 @@ def _numbers(values: FloatArray) -> list[float | None]:
     return [float(f"{v:.6g}") if np.isfinite(v) else None for v in np.ravel(values).tolist()]
 
 
+def shaded_view(
+    points: FloatArray, size_mm: FloatArray, titles: Sequence[str], size: tuple[int, int] = _SPACE
+) -> str:
+    """Return points (n, 3) in parallel projection, the larger their ``size_mm`` the darker."""
+    low, high = np.quantile(size_mm, [0.05, 0.98])
+    share = np.clip((size_mm - low) / max(float(high - low), 1e-9), 0.0, 1.0)
+    colours = [_SHADES[round(s * (len(_SHADES) - 1))] for s in share.tolist()]
+    dots = [f'<span style="color:{_SHADES[end]}">&#9679;</span>' for end in (0, -1)]
+    foot = f"<p>{dots[0]} {low:.3f} mm or less {dots[1]} {high:.3f} or more</p>"
+    return space_view(points, colours, [], titles, size) + foot
+
+
 def space_view(
     points: FloatArray,
     colours: Sequence[str],
     boxes: Sequence[tuple[FloatArray, FloatArray]],
     titles: Sequence[str] = (),
-    size: tuple[int, int] = (640, 420),
+    size: tuple[int, int] = _SPACE,
 ) -> str:
     """Return points (n, 3) and boxes (low, high) in parallel projection, x to the front left."""
     view = np.array([[-0.72, 0.69, 0.0], [-0.30, -0.31, 0.90]])

@@ -66,6 +66,14 @@ def table(
     return f'<table class="data"><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table>'
 
 
+def first_rows(
+    head: Sequence[str], rows: Sequence[Sequence[object]], left: int, hint: str = ""
+) -> str:
+    """Return a table that scrolls, with how many rows were left out."""
+    more = f"<p>and {left} more{hint}</p>" if left > 0 else ""
+    return f'<div class="scroll">{table(head, rows)}</div>{more}'
+
+
 def finding_rows(
     findings: Sequence[Finding], tag_of: Callable[[Finding], int | None] | None = None
 ) -> list[list[Any]]:

@@ -63,8 +63,9 @@ def add_rows(
             view = replace(view, points=points)
     page.data["rows"] = _rows(view)
     page.script = "rows.js"
-    page.section(heading, _html(view), "seven")
-    page.section(f"{view.what.capitalize()}s", _LIST_HTML, "five")
+    bar = f'<div class="bar">{colour_html(view.columns)}{_arrow_html(view)}</div>'
+    page.section(heading, f'<div id="scene"></div>{bar}', "seven")
+    page.section(f"{view.what.capitalize()}s", list_html(), "five")
 
 
 def _rows(view: RowsView) -> dict[str, Any]:
@@ -81,16 +82,24 @@ def _rows(view: RowsView) -> dict[str, Any]:
     }
 
 
-def _html(view: RowsView) -> str:
+def colour_html(columns: Sequence[TagColumn]) -> str:
+    """Return what chooses the column that colours a scene, and its legend."""
     options = "".join(
         f'<option value="{column.key}">{escape(column.label)} [{column.unit}]</option>'
-        for column in view.columns
+        for column in columns
     )
     return (
-        '<div id="scene"></div><div class="bar">'
         f'<label>colour <select id="colour">{options}</select></label><span id="low"></span>'
         '<span class="legend" id="legend"></span><span id="high"></span>'
-        f"{_arrow_html(view)}</div>"
+    )
+
+
+def list_html(filters: str = "") -> str:
+    """Return the list of rows with what it is searched by."""
+    return (
+        f'<div class="bar">{filters}<label>find <input id="search" type="search" size="10"></label>'
+        '<span id="more"></span></div><div class="scroll" id="list"><table id="tags">'
+        "<thead><tr></tr></thead><tbody></tbody></table></div>"
     )
 
 
@@ -104,10 +113,3 @@ def _arrow_html(view: RowsView) -> str:
         f'<label>arrows <input type="range" id="stretch" min="0" max="{start + 1.0:.2f}" '
         f'step="0.01" value="{start:.2f}"></label><span id="factor"></span>'
     )
-
-
-_LIST_HTML = (
-    '<div class="bar"><label>find <input id="search" type="search" size="10"></label>'
-    '<span id="more"></span></div><div class="scroll" id="list"><table id="tags">'
-    "<thead><tr></tr></thead><tbody></tbody></table></div>"
-)
