@@ -20,7 +20,7 @@ from postproc.cell import Reading
 from postproc.errors import Finding, PluginError, ReadError, Severity, SourceRef, UsageError
 from postproc.files import open_input, spooled
 from postproc.model import CamTool, Event, EventKind, ToolPath
-from postproc.readers.text import AS_CSV, check_text
+from postproc.readers.text import AS_CSV, check_text, line_feeds
 from postproc.records import dataclass
 from postproc.registry import Registry
 from postproc.units import MM, SINGLE
@@ -265,7 +265,7 @@ def _read(name: str, format: str, options: ReadOptions) -> ToolPath:
 def _head(path: str) -> bytes:
     """Return the first bytes of a text file."""
     with open_input(path) as stream:
-        head = stream.read(HEAD_BYTES)
+        head = line_feeds(stream.read(HEAD_BYTES))
     if not head.strip():
         raise ReadError("IO011", "empty file, expected a toolpath", SourceRef(path))
     check_text(path, head, 1)

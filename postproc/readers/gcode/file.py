@@ -21,8 +21,8 @@ from postproc.readers.gcode.state import Machine, Tag
 from postproc.readers.text import Faults, text_blocks
 from postproc.records import dataclass
 
-MOST_BLOCKS = 5_000_000
-"""Blocks that are run at most, those of sub-programs each time: days of milling."""
+_MOST_CALLED = 500_000
+"""So many blocks more than the file has are run at most, those of sub-programs each time."""
 _DEEPEST = 10
 """Calls within calls: LinuxCNC's limit; Fanuc has 4 (10 on the 30i)."""
 DIALECTS = ("fanuc", "linuxcnc")
@@ -75,7 +75,7 @@ def _dialect(path: str, lines: list[str]) -> str:
 def _run(machine: Machine, lines: list[str]) -> None:
     faults, at, calls = machine.faults, 0, list[_Call]()
     programs: dict[int, int] | None = None
-    for _ in range(MOST_BLOCKS):
+    for _ in range(len(lines) + _MOST_CALLED):
         if machine.ended or at >= len(lines):
             break
         block = machine.block = block_of(lines[at], at + 1, faults)
@@ -102,7 +102,8 @@ def _run(machine: Machine, lines: list[str]) -> None:
         else:
             execute(machine)
     else:
-        raise faults.error("GCD008", f"more than {MOST_BLOCKS} blocks are run", len(lines))
+        text = f"calls run more than {_MOST_CALLED} blocks beyond those of the file"
+        raise faults.error("GCD008", text, len(lines))
     last = next((line for line in reversed(lines) if line.strip()), "")
     if calls or not (machine.ended or last.strip() == "%"):
         text = "the file ends without M30 or M2, it may be cut off"

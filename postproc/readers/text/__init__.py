@@ -6,6 +6,7 @@ from postproc.readers.text.blocks import (
     check_line_length,
     check_text,
     last_line_end,
+    line_feeds,
     text_blocks,
 )
 from postproc.readers.text.decimals import LARGEST, parse_number, parse_tokens, trim_end, trim_start

@@ -46,7 +46,7 @@ def text_blocks(path: str, cut: Callable[[bytes], int] = last_line_end) -> Itera
             check_text(path, chunk, line)
             if line == 1 and not rest:
                 chunk = chunk.removeprefix(_BOM)
-            data = rest + _line_feeds(chunk)
+            data = rest + line_feeds(chunk)
             end = cut(data)
             check_line_length(path, len(data) - end, line + data.count(b"\n", 0, end))
             if end:
@@ -57,7 +57,7 @@ def text_blocks(path: str, cut: Callable[[bytes], int] = last_line_end) -> Itera
         yield TextBlock(rest if rest.endswith(b"\n") else rest + b"\n", line)
 
 
-def _line_feeds(chunk: bytes) -> bytes:
+def line_feeds(chunk: bytes) -> bytes:
     """Translate the line ends of files that have carriage returns only."""
     return chunk.replace(b"\r", b"\n") if b"\n" not in chunk else chunk
 

@@ -142,6 +142,15 @@ def test_what_cannot_be_read_is_one_error_with_its_line(tmp_path):
     assert wrong == {}
 
 
+def test_line_ends_are_those_of_any_system(tmp_path):
+    text = HEAD + "G1 Z-1. F100.\nG1 X5.\nM30\n"
+    plain = _read(tmp_path, text)
+    for ending in ("\r\n", "\r"):
+        (tmp_path / "q.nc").write_bytes(text.replace("\n", ending).encode())
+        part = read(tmp_path / "q.nc", "auto", ReadOptions())
+        assert part.points.tolist() == plain.points.tolist(), ending
+
+
 def test_units_are_never_guessed(tmp_path):
     text = HEAD.replace("G21 ", "") + "G1 X5. F100.\nM30\n"
     with pytest.raises(ReadError, match="G20 nor G21"):
