@@ -67,7 +67,7 @@ def apt_in(folder: Path, text: str = APT_TEXT):
     """The toolpath of a CAM file."""
     path = folder / "demo.apt"
     path.write_text(text)
-    return read(str(path), "auto", ReadOptions(tool_axis=(1.0, 0.0, 0.0)))
+    return read(str(path), ReadOptions(tool_axis=(1.0, 0.0, 0.0)))
 
 
 def modules(*lines, data=(), name="T", **others):

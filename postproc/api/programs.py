@@ -13,6 +13,7 @@ from postproc.api.job import Job
 from postproc.arrays import FloatArray
 from postproc.batch import BatchOptions, BatchOutcome, call_of, run_batch
 from postproc.cell import Cell as CellValues
+from postproc.cell import call_keys
 from postproc.comparison import DiffReport, DiffTolerance
 from postproc.comparison import diff as diff_programs
 from postproc.emitters import EMITTERS, Emitter
@@ -20,7 +21,7 @@ from postproc.errors import Finding
 from postproc.gap import Prediction
 from postproc.jobs.convert import ConvertRequest
 from postproc.jobs.convert import convert as convert_part
-from postproc.jobs.given import Source, model_of, part_of
+from postproc.jobs.given import Source, known_keys, model_of, part_of
 from postproc.jobs.lint import lint as lint_programs
 from postproc.jobs.readings import predict as predict_rows
 from postproc.jobs.verify import at_least
@@ -75,11 +76,15 @@ def convert(
     request = ConvertRequest(
         source=toolpath.path,
         cell=known.path,
+        keys=call_keys(
+            {
+                "emitter": _emitter_name(emitter),
+                "objective": _objective_name(objective),
+                "strategy": strategy,
+                "preset": preset,
+            }
+        ),
         name=name,
-        emitter=_emitter_name(emitter),
-        strategy=strategy,
-        objective=_objective_name(objective),
-        preset=preset,
         model=None if model is None else str(model),
         pins=None if pins is None else str(pins),
         partial=partial,
@@ -112,17 +117,14 @@ def batch(
     jobs: int | None = None,
     dask: str | None = None,
     split: str | None = None,
-    strategy: str | None = None,
-    objective: str | None = None,
-    preset: str | None = None,
-    emitter: str | None = None,
     model: Source | None = None,
     timeout_s: float | None = None,
     memory_GiB: float | None = None,
     force: bool = False,
     prune: bool = False,
+    recover: bool = False,
     progress: Callable[[int, int, int], None] | None = None,
-    **reading: Any,  # noqa: ANN401 - as of ``read``
+    **keys: Any,  # noqa: ANN401 - keys of the cell
 ) -> BatchOutcome:
     """Convert many inputs into a folder; a second call redoes only what changed or failed.
 
@@ -134,34 +136,30 @@ def batch(
         jobs: worker processes; None: one per core.
         dask: address of a Dask cluster to run on instead.
         split: ``region:MM``, ``count:N`` or ``operation``: cut large inputs.
-        strategy: as of ``convert``.
-        objective: name of a registered objective; workers do not know functions of a script.
-        preset: as of ``convert``.
-        emitter: name of a registered emitter.
         model: as of ``convert``.
         timeout_s: for each input.
         memory_GiB: for each worker.
         force: redo everything.
         prune: remove outputs whose input is gone.
+        recover: as of ``read``.
         progress: called with (done, of how many, how many of them failed).
-        reading: how the inputs are read, as of ``read``.
+        keys: instead of those of the cell, by name: ``strategy``, ``objective``, ``preset``,
+            ``emitter`` (workers do not know functions of a script), and those of ``read``.
 
     Returns:
         What was done: ``good``, ``done``, ``kept``, ``bad``, ``document()``.
 
     Raises:
         DataError: if inputs or options are wrong, or another batch holds the folder.
+        TypeError: for a key that is none of these.
         UsageError: BAT004 without a cell.
     """
     base = ConvertRequest(
         source="",
         cell="" if cell is None else str(cell),
-        emitter=emitter,
-        strategy=strategy,
-        objective=objective,
-        preset=preset,
+        keys=known_keys(keys),
         model=None if model is None else str(model),
-        **reading,
+        recover=recover,
     )
     options = BatchOptions(jobs, dask, force, prune, timeout_s, memory_GiB, split)
     given = [inputs] if isinstance(inputs, Source) else inputs

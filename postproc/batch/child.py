@@ -216,8 +216,10 @@ def _convert(job: Job) -> JobResult:
     from postproc.jobs.convert import convert
     from postproc.jobs.pages import page_of_conversion
 
-    request = replace(job.request, cam_lines=job.toolpath is None)
-    conversion = convert(request, toolpath=job.toolpath)
+    keys = dict(job.request.keys)
+    if job.toolpath is not None:
+        keys["cam_lines"] = False  # of a section: they move with every line added elsewhere
+    conversion = convert(replace(job.request, keys=keys), toolpath=job.toolpath)
     errors, warnings = (
         tuple(str(finding) for finding in conversion.findings if finding.severity is severity)
         for severity in (Severity.ERROR, Severity.WARNING)

@@ -7,17 +7,17 @@ import glob
 import hashlib
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import cache
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
-from postproc.cell import Preset, Strategy
+from postproc.cell import CALL_KEYS, call_keys, key_said
 from postproc.emitters import EMITTERS
 from postproc.errors import DataError, SourceRef
 from postproc.files import read_bytes
 from postproc.jobs.convert import ConvertRequest
-from postproc.readers import LENGTH_UNITS, READERS
+from postproc.readers import READERS
 from postproc.records import dataclass
 from postproc.toml import Location, TomlText, load_toml
 
@@ -25,9 +25,10 @@ if TYPE_CHECKING:
     from postproc.model import ToolPath
 
 SCHEMA = "postproc.batch/1"
-_OF_ONE = {"source", "pins", "keep", "cam_lines", "trade"}
-"""What a conversion is asked for that a table of a batch cannot ask for."""
-_OPTIONS = {f.name for f in fields(ConvertRequest)} - _OF_ONE
+_FLAGS = {"recover", "partial"}
+_FILES = {"cell", "model"}
+_OPTIONS = {"name", *_FLAGS, *_FILES, *CALL_KEYS}
+"""What a table of a batch can ask for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +127,9 @@ class Overrides:
         for pattern, values in self.rules:
             if _is_meant(pattern, source):
                 options.update(values)
-        return replace(base, source=source, **options)
+        keys = {**base.keys, **call_keys(options)}
+        own = {name: options[name] for name in options if name not in keys}
+        return replace(base, source=source, keys=keys, **own)
 
     def unused(self, sources: Sequence[str]) -> list[str]:
         """Return the patterns that match none of the inputs."""
@@ -172,7 +175,6 @@ def _checked(table: Any, toml: TomlText, place: Location, more: set[str]) -> dic
     """Return the options of a table of the file."""
     if not isinstance(table, dict):
         raise DataError("BAT003", f"{place[0]} is no table", toml.source(place))
-    kinds = {f.name: f.type for f in fields(ConvertRequest)}
     options = dict(table)
     for key, value in options.items():
         where = toml.source((*place, key))
@@ -181,7 +183,7 @@ def _checked(table: Any, toml: TomlText, place: Location, more: set[str]) -> dic
         if key not in _OPTIONS:
             known = ", ".join(sorted(_OPTIONS | more))
             raise DataError("BAT003", f"unknown key {key!r}, known are {known}", where)
-        wants_flag = "bool" in str(kinds[key])
+        wants_flag = key in _FLAGS
         if isinstance(value, bool) != wants_flag or not isinstance(value, (str, bool)):
             want = "true or false" if wants_flag else "text"
             raise DataError("BAT003", f"{key} = {value!r}, expected {want}", where)
@@ -189,7 +191,7 @@ def _checked(table: Any, toml: TomlText, place: Location, more: set[str]) -> dic
         if choices and value not in choices:
             want = ", ".join(choices)
             raise DataError("BAT003", f"{key} = {value!r}, expected one of {want}", where)
-        if key in {"cell", "model"}:
+        if key in _FILES:
             options[key] = str(Path(toml.path).parent / str(value))
     return options
 
@@ -200,10 +202,7 @@ def _known(key: str) -> tuple[str, ...]:
         return ("auto", *(name for name, _ in READERS))
     if key == "emitter":
         return tuple(name for name, _ in EMITTERS)
-    if key == "units":
-        return tuple(LENGTH_UNITS)
-    words = {"strategy": Strategy, "preset": Preset}
-    return tuple(words[key]) if key in words else ()
+    return key_said(CALL_KEYS[key][1], key)[1] if key in CALL_KEYS else ()
 
 
 def unique_name(name: str, key: str, taken: set[str]) -> str:

@@ -316,8 +316,7 @@ def require_call(jobs: Sequence[Job]) -> None:
         if not request.cell:
             text = f"no cell for {request.source}, give --cell or set it in --config"
             raise UsageError("BAT004", text)
-        wishes = request.strategy, request.objective, request.preset
-        calls[request.cell, *wishes, request.model] = job
+        calls[request.cell, *sorted(request.keys.items()), request.model] = job
     problem: PostprocError | None = None
     for job in calls.values():
         try:
@@ -331,14 +330,10 @@ def require_call(jobs: Sequence[Job]) -> None:
 
 
 def _try(job: Job) -> None:
-    from postproc.cell import shared_cell
-    from postproc.planning import PlanOptions, settle
+    from postproc.planning import settle
 
     request = job.request
-    options = PlanOptions(
-        strategy=request.strategy, objective=request.objective, preset=request.preset
-    )
-    settle(shared_cell(request.cell), options)
+    settle(request.cell_with_keys())
     if request.model:
         from postproc.model import load_model
 

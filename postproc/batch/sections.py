@@ -16,8 +16,7 @@ import numpy as np
 from postproc.arrays import IndexArray, IntArray
 from postproc.batch.child import JobResult, attempt
 from postproc.batch.jobs import Job, unique_name
-from postproc.cell import shared_cell
-from postproc.emitters import Program, emitter_of, with_emitter
+from postproc.emitters import Program, emitter_of
 from postproc.errors import DataError, SourceRef
 from postproc.jobs.convert import ConvertRequest
 from postproc.krl import legal_name
@@ -281,7 +280,7 @@ def caller_program(request: ConvertRequest, sections: Sequence[str]) -> Program:
     Raises:
         DataError: BAT042 if the emitter has no such program.
     """
-    cell = with_emitter(shared_cell(request.cell), request.emitter)
+    cell = request.cell_with_keys()
     program = emitter_of(cell).caller(str(request.name), sections)
     if program is None:
         raise DataError(
@@ -297,6 +296,6 @@ def _sections(job: Job, rule: tuple[str, float], taken: set[str]) -> list[Job]:
     from postproc.process import as_served
 
     caller_program(job.request, ())  # before hours of work
-    cell = shared_cell(job.request.cell)
+    cell = job.request.cell_with_keys()
     path = as_served(read_toolpath(job.request, cell), cell)
     return split_job(job, path, rule, taken)

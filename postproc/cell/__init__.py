@@ -55,7 +55,16 @@ from postproc.cell.robotfile import (
     same_type,
     type_of,
 )
-from postproc.cell.schema import KrlOptions, Optimize, Options, Reading, TiltRange, key_said
+from postproc.cell.schema import (
+    CALL_KEYS,
+    KrlOptions,
+    Optimize,
+    Options,
+    Reading,
+    TiltRange,
+    call_keys,
+    key_said,
+)
 from postproc.cell.text import cell_text
 from postproc.cell.urdf import (
     expanded,

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import field, replace
 from enum import StrEnum
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -300,6 +301,26 @@ class Cell:
         """The solids of all tools, all workpieces and of the obstacles."""
         tools = [mesh for tool in self.tools for mesh in tool.meshes]
         return (*tools, *(mesh for base in self.bases for mesh in base.meshes), *self.obstacles)
+
+    def with_keys(self, keys: Mapping[str, Any]) -> Cell:
+        """Put what a call gives in the place of keys of the cell.
+
+        Args:
+            keys: by the names of their fields; None and empty texts leave the cell's own.
+
+        Returns:
+            The cell with them.
+
+        Raises:
+            CellError: PLN204 for a word that a key does not take.
+        """
+        if not keys:
+            return self
+        tables = {name: getattr(self, name) for name in ("reading", "krl", "optimize")}
+        try:
+            return replace(self, **{name: own.with_keys(keys) for name, own in tables.items()})
+        except ValueError as problem:
+            raise CellError("PLN204", str(problem), SourceRef(self.path)) from None
 
     def with_tool(self, index: int, base: int = 0) -> Cell:
         """Put one of the tools to work in one of the setups.

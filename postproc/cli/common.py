@@ -19,7 +19,7 @@ from postproc.progress import Progress
 from postproc.records import dataclass
 
 if TYPE_CHECKING:
-    from postproc.cell import Cell, Options
+    from postproc.cell import Cell
     from postproc.model import ToolPath
     from postproc.registry import Registry
 
@@ -210,13 +210,14 @@ TOOL = click.option(
 )
 
 
-def _of_cell(table: str, options: type[Options], names: Iterable[str]) -> list[Decorator]:
+def _of_cell(names: Iterable[str]) -> list[Decorator]:
     """Return the options of a call that stand for keys of the cell: said there, once for all."""
-    from postproc.cell import key_said
+    from postproc.cell import CALL_KEYS, key_said
 
     found: list[Decorator] = []
     for name in names:
-        meaning, words = key_said(options, name)
+        table, kind = CALL_KEYS[name]
+        meaning, words = key_said(kind, name)
         more: dict[str, Any] = {"type": click.Choice(words)} if words else {}
         if name in _PLUGGED:
             more["shell_complete"] = complete_parts(*_PLUGGED[name])
@@ -242,16 +243,15 @@ def reading_options(function: Callable[P, R]) -> Callable[P, R]:
     recover = click.option(
         "--recover", is_flag=True, help="Fix faults that have one possible meaning."
     )
-    return _all(function, [*_of_cell("import", Reading, Reading.__annotations__), recover])
+    return _all(function, [*_of_cell(Reading.__annotations__), recover])
 
 
 def planning_options(function: Callable[P, R]) -> Callable[P, R]:
     """Add what says how programs are planned and written, alike for one and for many inputs."""
-    from postproc.cell import KrlOptions, Optimize
+    from postproc.cell import CALL_KEYS, Reading
 
     options = [
-        *_of_cell("krl", KrlOptions, ["emitter"]),
-        *_of_cell("optimize", Optimize, ["strategy", "objective", "preset"]),
+        *_of_cell(name for name in CALL_KEYS if name not in Reading.__annotations__),
         click.option("--model", metavar="MODEL.toml", help="Compensate what this model predicts."),
         click.option(
             "--keep",
@@ -265,9 +265,17 @@ def planning_options(function: Callable[P, R]) -> Callable[P, R]:
 
 def reading(options: Mapping[str, Any]) -> dict[str, Any]:
     """Return those of a command's options that ``reading_options`` added."""
-    from postproc.readers import READING
+    from postproc.cell import Reading
 
-    return {name: options[name] for name in READING}
+    return {name: options[name] for name in (*Reading.__annotations__, "recover")}
+
+
+def requested(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields of a ``ConvertRequest`` that a command's options give."""
+    from postproc.cell import call_keys
+    from postproc.jobs.convert import ConvertRequest
+
+    return {**given(ConvertRequest, options), "keys": call_keys(options)}
 
 
 def given(kind: type, options: Mapping[str, Any]) -> dict[str, Any]:

@@ -8,7 +8,6 @@ from postproc.emitters.check import (
     is_checkable,
     motions_of,
     read_back,
-    with_emitter,
     written,
 )
 from postproc.emitters.former import Former, former_parts

@@ -32,11 +32,6 @@ SPEED = 1e-3
 """Largest share by which a path speed may be off: what rounding does."""
 
 
-def with_emitter(cell: Cell, name: str | None) -> Cell:
-    """Return the cell with another emitter, None: its own."""
-    return cell if name is None else replace(cell, krl=replace(cell.krl, emitter=name))
-
-
 def emitter_of(cell: Cell) -> Emitter:
     """Return the emitter of a cell.
 

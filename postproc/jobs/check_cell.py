@@ -28,7 +28,7 @@ from postproc.jobs.arm_doubts import arm_doubts, size_findings
 from postproc.jobs.given import Source, cell_of
 from postproc.jobs.paged import Paged
 from postproc.kinematics import Kinematics, build, is_coaxial_with_axis_6, wrist_distance
-from postproc.planning import PlanOptions, free_posture, settle
+from postproc.planning import free_posture, settle
 from postproc.records import dataclass
 from postproc.toml import Location, TomlText
 from postproc.units import DEG, MM, NMM_PER_RAD
@@ -331,7 +331,7 @@ def _options(context: _Context) -> Iterator[Finding]:
     if missing_numbers(cell) is not None:
         return
     try:
-        _, settings = settle(cell, PlanOptions())
+        _, settings = settle(cell)
     except CellError as problem:
         key = "step_deg" if problem.code == "PLN207" else "objective"
         yield context.finding(Severity.ERROR, problem.code, problem.message, "optimize", key)

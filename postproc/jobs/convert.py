@@ -25,7 +25,6 @@ from postproc.emitters import (
     emitter_of,
     former_parts,
     read_back,
-    with_emitter,
 )
 from postproc.errors import CellError, DataError, Finding, PostprocError, Severity, SourceRef, fold
 from postproc.files import remove_files, write_files
@@ -62,7 +61,7 @@ from postproc.process import (
     words_settled,
 )
 from postproc.progress import Clock, Progress
-from postproc.readers import READING, read_pins
+from postproc.readers import read_pins
 from postproc.records import dataclass
 from postproc.units import DEG, MM, N_PER_MM
 
@@ -87,42 +86,25 @@ about a tag, have the reason ``check``."""
 
 @dataclass(frozen=True, slots=True)
 class ConvertRequest:
-    """What to convert and how; None keeps the cell's or the file's own choice."""
+    """What to convert, with what in place of keys of the cell, and what no cell can say."""
 
     source: str
     cell: str
+    keys: Mapping[str, Any] = field(default_factory=dict)
+    """Keys of the cell that the call gives, as of ``call_keys``."""
     name: str | None = None
-    format: str | None = None
-    dialect: str | None = None
-    units: str | None = None
-    columns: str | None = None
-    task: str | None = None
-    cycle_words: str | None = None
-    feed_units: str | None = None
-    arc_sense: str | None = None
-    head: str | None = None
-    accept_words: tuple[str, ...] | str = ()
-    """Words of the CAM file that are harmless, besides those of the cell."""
     recover: bool = False
-    emitter: str | None = None
-    strategy: str | None = None
-    objective: str | None = None
-    preset: str | None = None
     model: str | None = None
     pins: str | None = None
     keep: str | None = None
     """A program, folder or manifest, of which poses are kept where that costs little."""
     partial: bool = False
-    cam_lines: bool = True
-    """False: the program names no CAM lines, which move with every line added elsewhere."""
     trade: bool = False
     """Plan with the other presets too, to compare."""
 
-    def __post_init__(self) -> None:
-        """Take words in a text with commas between: the same words are the same request."""
-        if isinstance(self.accept_words, str):
-            words = tuple(word for word in self.accept_words.split(",") if word)
-            object.__setattr__(self, "accept_words", words)
+    def cell_with_keys(self, cell: Cell | None = None) -> Cell:
+        """Return the cell, that of the file where none is given, with the keys of the call."""
+        return (cell or shared_cell(self.cell)).with_keys(self.keys)
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,15 +156,11 @@ def convert(
         PostprocError: if the input, the cell or an option is wrong.
     """
     clock = Clock("read", progress)
-    wishes = PlanOptions(
-        strategy=request.strategy, objective=request.objective, preset=request.preset
-    )
-    cell = settle(with_emitter(cell or shared_cell(request.cell), request.emitter), wishes)[0]
+    cell = request.cell_with_keys(cell)
+    settle(cell)
     emitter_of(cell)  # before hours of work
     if toolpath is None:
         toolpath = read_toolpath(request, cell)
-    if not request.cam_lines:
-        cell = replace(cell, krl=replace(cell.krl, cam_lines=False))
     if request.pins:
         cell = with_pins(cell, toolpath, request.pins)
     model = None
@@ -241,9 +219,8 @@ def explained(
     """
     if conversion.good or request.model:
         return conversion
-    now, units = conversion.cell, request.units or conversion.cell.reading.units
-    now = replace(now, reading=replace(now.reading, units=units))
-    again = replace(request, pins=None, keep=None, trade=False, partial=False, units=None)
+    now = conversion.cell
+    again = replace(request, keys={}, pins=None, keep=None, trade=False, partial=False)
 
     def read_with(cell: Cell) -> ToolPath:
         axes = [
@@ -266,7 +243,7 @@ def explained(
 
 def read_toolpath(request: ConvertRequest, cell: Cell) -> ToolPath:
     """Return what a request reads, with what the cell knows; errors as ``read``."""
-    return read(request.source, cell, **{name: getattr(request, name) for name in READING})
+    return read(request.source, request.cell_with_keys(cell), recover=request.recover)
 
 
 def with_pins(cell: Cell, toolpath: ToolPath, path: str) -> Cell:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.cell import Cell, shared_cell
+from postproc.cell import CALL_KEYS, Cell, Reading, call_keys, shared_cell
 from postproc.jobs.joint_targets import with_joint_targets
 from postproc.jobs.unit_doubts import check_units
 from postproc.kinematics import build
@@ -56,65 +58,63 @@ def read(
     path: Source,
     cell: Cell,
     *,
-    format: str | None = None,
-    dialect: str | None = None,
-    units: str | None = None,
-    columns: str | None = None,
-    cycle_words: str | None = None,
-    feed_units: str | None = None,
-    arc_sense: str | None = None,
-    head: str | None = None,
-    task: str | None = None,
-    accept_words: Sequence[str] | str = (),
     recover: bool = False,
+    **keys: Any,  # noqa: ANN401 - keys of the cell
 ) -> ToolPath:
     """Return the toolpath of a CAM file, in the CAM file's own coordinates.
 
-    What is left open is read as ``[import]`` of the cell says.
-
     Args:
-        path: APT/CL, CSV or DELMIA file, or whatever a registered reader reads.
-        cell: tells the tool axis, and the surface where a CSV gives no normals.
-        format: ``auto`` or the name of a reader; None: the cell's, else ``auto``.
-        dialect: APT dialect: ``nx``, ``solidworks``, ``creo``, ``catia``, ``camworks``, ``fusion``,
-            ``hsmworks``, ``mfgsuite``, ``camplete``, ``manusnc``, ``postworks``, ``surfcam``,
-            ``apt``.
-        units: ``mm`` or ``inch`` where the file names none.
-        columns: columns of a CSV, such as ``id,x,y,z,i,j,k,-,depth``.
-        cycle_words: meaning of the numbers of a positional drill cycle: ``depth,clearance,feed``.
-        feed_units: ``mm`` or ``inch`` per minute where FEDRAT and UNITS contradict each other.
-        arc_sense: ``ccw`` or ``cw`` about their vector, for arcs whose records leave it open.
-        head: rotary axes of a G-code head, from the machine to the tool: ``C+z B+y``.
-        task: DELMIA task to read instead of all that no other one calls.
-        accept_words: words of the file that are harmless, besides those that the cell accepts; a
-            text has commas between.
+        path: APT/CL, CSV, DELMIA or G-code file, or whatever a registered reader reads.
+        cell: tells the tool axis, how files are read, and the surface where a CSV gives no normals.
         recover: mend faults that have one possible meaning; each is listed in ``recovered``.
+        keys: keys of ``[import]``, instead of those of the cell: ``format``, ``dialect``,
+            ``units``, ``columns``, ``cycle_words``, ``feed_units``, ``arc_sense``, ``head``,
+            ``task``, and ``accept_words`` (a list, or a text with commas between) besides those
+            that the cell accepts; None and empty texts leave the cell's own.
 
     Returns:
         Tags with their source lines, in SI.
 
     Raises:
         ReadError: if the file cannot be read as its format.
-        UsageError: if an option is wrong.
+        TypeError: for a key that ``[import]`` does not have.
+        UsageError: if a value is wrong.
     """
-    call = {
-        "dialect": dialect, "units": units, "columns": columns, "cycle_words": cycle_words,
-        "feed_units": feed_units, "arc_sense": arc_sense, "head": head, "task": task,
-        "accept_words": accept_words, "recover": recover,
-    }  # fmt: skip
-    axis, habits = cell.tool.known_axis, cell.reading
+    reading, axis = reading_of(cell, keys), cell.tool.known_axis
     options = read_options(
-        call,
-        habits,
+        reading,
+        recover=recover,
         tool_axis=(np.nan,) * 3 if axis is None else tuple(float(v) for v in axis),
         surface_normals=_surface_normals(cell),
     )
-    toolpath = read_file(path, format or habits.format, options)
+    toolpath = read_file(path, options)
     if np.isnan(toolpath.axes).any() and len(cell.tools) == 1:
         cell.tool.axis  # noqa: B018 - asks for the axis that the file's orientations need
     toolpath = with_orientation(with_joint_targets(toolpath, cell), cell)
     check_units(toolpath, cell)
     return toolpath
+
+
+def reading_of(cell: Cell | None, keys: Mapping[str, Any]) -> Reading:
+    """Return how files are read: as the keys of a call say, else as the cell does.
+
+    Raises:
+        TypeError: for a key that ``[import]`` does not have.
+    """
+    own = Reading() if cell is None else cell.reading
+    return own.with_keys(known_keys(keys, [key.name for key in fields(Reading)]))
+
+
+def known_keys(keys: Mapping[str, Any], known: Iterable[str] = CALL_KEYS) -> dict[str, Any]:
+    """Return what a call gives in place of keys of the cell.
+
+    Raises:
+        TypeError: for a key that is none of those known.
+    """
+    for name in keys:
+        if name not in known:
+            raise TypeError(f"no option {name!r}, known are {', '.join(known)}, recover")
+    return call_keys(keys)
 
 
 def _surface_normals(cell: Cell) -> SurfaceNormals | None:

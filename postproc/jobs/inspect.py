@@ -5,12 +5,12 @@ from __future__ import annotations
 from functools import cached_property
 from typing import Any
 
-from postproc.cell import Cell, Reading
+from postproc.cell import Cell
 from postproc.errors import Finding
-from postproc.jobs.given import Source, cell_of
+from postproc.jobs.given import Source, cell_of, reading_of
 from postproc.model import ToolPath
 from postproc.process import looks, word_findings
-from postproc.readers import READING, read, read_options
+from postproc.readers import read, read_options
 from postproc.report.inspection import cell_tables, inspection, text_lines
 
 
@@ -42,14 +42,17 @@ class Inspection:
 def inspect(
     path: Source,
     cell: Cell | Source | None = None,
-    **reading: Any,  # noqa: ANN401 - as of ``read``
+    *,
+    recover: bool = False,
+    **keys: Any,  # noqa: ANN401 - as of ``read``
 ) -> Inspection:
     """Return what is in a CAM file, before any robot is involved.
 
     Args:
         path: the file.
         cell: its ``[import]`` fills what is left open; None: the file alone.
-        reading: how the file is read, as of ``read``.
+        recover: as of ``read``.
+        keys: keys of ``[import]``, as of ``read``.
 
     Returns:
         ``part``, ``document``, ``findings``, ``summary``.
@@ -59,10 +62,5 @@ def inspect(
         TypeError: for an option that is none.
         UsageError: if an option is wrong.
     """
-    unknown = sorted(set(reading) - set(READING))
-    if unknown:
-        raise TypeError(f"no option {unknown[0]!r}, known are {', '.join(READING)}")
-    call = dict.fromkeys(READING) | {"accept_words": (), "recover": False} | reading
-    habits = Reading() if cell is None else cell_of(cell).reading
-    options = read_options(call, habits, points_only=True)
-    return Inspection(read(path, call["format"] or habits.format, options))
+    reading = reading_of(None if cell is None else cell_of(cell), keys)
+    return Inspection(read(path, read_options(reading, recover=recover, points_only=True)))

@@ -182,7 +182,7 @@ def propose_place(options: dict[str, Any], output: Path) -> dict[str, Any]:
     text = cell_text(_values(options, output)).encode("utf-8")
     cell = parse_cell(text, output)
     axis = tuple(float(v) for v in cell.tool.axis)
-    toolpath = read(options["input"], "auto", ReadOptions(units=options["units"], tool_axis=axis))
+    toolpath = read(options["input"], ReadOptions(units=options["units"], tool_axis=axis))
     place = workpiece_place(toolpath, cell, options["workpiece_abc"])
     options["workpiece_xyz"], options["workpiece_abc"] = place["xyz_mm"], place["abc_deg"]
     return place

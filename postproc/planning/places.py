@@ -19,7 +19,7 @@ from postproc.model import ToolPath
 from postproc.paths import Externals
 from postproc.planning.checks import NEAR, Checker, near_solids
 from postproc.planning.job import checker_of, problem_of
-from postproc.planning.states import PlanOptions, Problem, States, postures, sample, settle
+from postproc.planning.states import Problem, States, postures, sample, settle
 from postproc.process import as_served, claimed, driven, holes_served
 from postproc.records import dataclass
 
@@ -68,7 +68,7 @@ class Reach:
     @classmethod
     def of(cls, toolpath: ToolPath, cell: Cell) -> Reach:
         """Return the tags of what was read, as ``plan`` takes them; errors as ``plan``."""
-        cell, settings = settle(cell, PlanOptions())
+        cell, settings = settle(cell)
         claims = claimed(driven(as_served(toolpath, cell), cell), cell)
         served = holes_served(claims.toolpath, cell)
         pieces = []
@@ -83,7 +83,7 @@ class Reach:
     @classmethod
     def of_one(cls, toolpath: ToolPath, cell: Cell) -> Reach:
         """Return all tags as for the tool in work in its base, whatever the file calls."""
-        cell, settings = settle(cell, PlanOptions())
+        cell, settings = settle(cell)
         problem = problem_of(as_served(toolpath, cell), cell, settings)
         return cls(cell, ((problem, _spread(problem)),))
 

@@ -62,8 +62,7 @@ def plan(
         CellError: if the cell asks for what does not exist.
     """
     options = options or PlanOptions()
-    cell, _ = settle(cell, options)
-    options = PlanOptions(partial=options.partial, name=options.name)
+    settle(cell)  # what is wrong with its options, before hours of work
     _require_few_pecks(toolpath)
     claims = claimed(driven(as_served(toolpath, cell), cell), cell)
     toolpath, stretches = with_turns(claims.toolpath), claims.stretches()
@@ -71,7 +70,7 @@ def plan(
         return Plan.nothing(toolpath, options.name or toolpath.name, claims.findings)
     plans: list[Plan] = []
     for here in _ways(cell):
-        job, path = Job(settle(here, options)[1], options, progress), toolpath
+        job, path = Job(settle(here)[1], options, progress), toolpath
         if here.optimize.free_order:
             path = reordered(path, _order(path, here, job.settings, stretches))
             here = replace(here, optimize=replace(here.optimize, free_order=False))

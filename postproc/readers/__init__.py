@@ -4,7 +4,6 @@ from postproc.readers.base import (
     HEAD_BYTES,
     LENGTH_UNITS,
     READERS,
-    READING,
     Reader,
     ReadOptions,
     SurfaceNormals,

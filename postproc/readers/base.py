@@ -8,8 +8,8 @@ reader, so a large one loads what it reads with in its ``read``.
 from __future__ import annotations
 
 import re
-from collections.abc import Hashable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Hashable, Iterable, Sequence
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
@@ -66,14 +66,11 @@ class SurfaceNormals(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class ReadOptions:
-    """How a file is to be read; everything has a default that fits files in the wild.
+class ReadOptions(Reading):
+    """How a file is to be read: ``[import]`` of a cell, and what is no key of a cell.
 
     Args:
-        units: ``mm``, ``inch`` or ``m`` where the file does not say; None: as the file says.
-        dialect: of APT or G-code, instead of the one sniffed from the content.
         recover: fix what has one possible meaning and list it, instead of an error.
-        columns: names of the columns of a CSV file in order, ``-`` for one to leave out.
         tool_axis: (3,) axis of the TCP frame that points out of the tool into the part; turns a
             full orientation of the input into a tool axis: ``axes = -(R_part_tcp @ tool_axis)``.
         surface_normals: points of the part to outward normals of the workpiece's mesh; stands in
@@ -81,33 +78,13 @@ class ReadOptions:
         points_only: only to look at: a list without orientations is read all the same, with axes
             NaN and a warning, and what is not understood is listed.
         chord_tolerance: how far [m] the chords of a discretised spline may leave the curve.
-        cycle_words: meaning of the positional numbers of a drill cycle, in order, out of
-            ``CYCLE_WORDS``; ``-`` leaves a number out. A text has commas or blanks between; None:
-            ``CATIA_WORDS``.
-        feed_units: ``mm`` or ``inch`` per minute for feeds whose unit contradicts that of the
-            file; None: such a file is asked back.
-        arc_sense: ``ccw`` or ``cw`` about the written vector, for arcs whose record and end leave
-            both ways open; None: as the rest of the file shows.
-        head: rotary axes of a G-code machine's head, see ``gcode.head``; None: rotary words stop.
-        task: DELMIA task to read; None: every task that no other one calls, in file order.
-        accept_words: words, and columns of a table, that the user knows to be harmless; a text has
-            commas between. What the reader refuses of them becomes a note.
     """
 
-    units: str | None = None
-    dialect: str | None = None
     recover: bool = False
-    columns: tuple[str, ...] | str | None = None
     tool_axis: tuple[float, ...] = (1.0, 0.0, 0.0)
     surface_normals: SurfaceNormals | None = None
     points_only: bool = False
     chord_tolerance: float = 1e-5
-    cycle_words: tuple[str, ...] | str | None = None
-    feed_units: str | None = None
-    arc_sense: str | None = None
-    head: str | None = None
-    task: str | None = None
-    accept_words: tuple[str, ...] | str = ()
 
     def __post_init__(self) -> None:
         """Check the names.
@@ -130,14 +107,8 @@ class ReadOptions:
     @property
     def cycle_numbers(self) -> tuple[str, ...]:
         """Meaning of the positional numbers of a drill cycle, in order."""
-        words = CATIA_WORDS if self.cycle_words is None else self.cycle_words
-        return tuple(words.replace(",", " ").split()) if isinstance(words, str) else words
-
-    @property
-    def accepted_words(self) -> tuple[str, ...]:
-        """Words that the user knows to be harmless."""
-        words = self.accept_words
-        return tuple(words.split(",")) if isinstance(words, str) else words
+        words = self.cycle_words
+        return CATIA_WORDS if words is None else tuple(words.replace(",", " ").split())
 
 
 def distinct(keys: Iterable[Hashable]) -> tuple[IntArray, dict[Any, int]]:
@@ -182,28 +153,10 @@ def tool_changes(
     ]
 
 
-HABITS = (
-    "units", "dialect", "columns", "cycle_words", "feed_units", "arc_sense", "head", "task",
-)  # fmt: skip
-"""Options of a call that ``[import]`` of the cell fills where the call leaves them open."""
-
-
-READING = ("format", *HABITS, "accept_words", "recover")
-"""What a call may say of how a file is to be read."""
-
-
-def read_options(call: Mapping[str, Any], habits: Reading, **more: Any) -> ReadOptions:  # noqa: ANN401 - fields of the options
-    """Return how a file is to be read: as a call says, else as its cell does.
-
-    Args:
-        call: ``HABITS``, each empty where the call leaves it open; ``accept_words``, ``recover``.
-        habits: of the cell; words that either accepts are accepted.
-        more: further fields of the options.
-    """
-    chosen = {name: call[name] or getattr(habits, name) for name in HABITS}
-    words = ReadOptions(accept_words=call["accept_words"]).accepted_words
-    accepted = (*habits.accept_words, *words)
-    return ReadOptions(**chosen, accept_words=accepted, recover=call["recover"], **more)
+def read_options(reading: Reading, **more: Any) -> ReadOptions:  # noqa: ANN401 - fields of the options
+    """Return how a file is to be read: as a cell says, and ``more`` fields of the options."""
+    keys = {key.name: getattr(reading, key.name) for key in fields(Reading)}
+    return ReadOptions(**keys, **more)
 
 
 @runtime_checkable
@@ -228,14 +181,12 @@ class Reader(Protocol):
 READERS: Registry[Reader] = Registry("readers", "postproc.readers", Reader)
 
 
-def read(path: str | Path, format: str = "auto", options: ReadOptions | None = None) -> ToolPath:
+def read(path: str | Path, options: ReadOptions | None = None) -> ToolPath:
     """Return the toolpath of a CAM file.
 
     Args:
         path: the file.
-        format: ``auto``, or the name of a registered reader: ``apt``, ``csv``, ``delmia``,
-            ``gcode``.
-        options: see ``ReadOptions``.
+        options: see ``ReadOptions``; its ``format`` is ``auto`` or the name of a registered reader.
 
     Raises:
         ReadError: IO001 missing, IO002 unreadable, IO010 no format fits, IO011 empty, IO012 not a
@@ -244,15 +195,16 @@ def read(path: str | Path, format: str = "auto", options: ReadOptions | None = N
         PluginError: PLG001 for an unknown format, PLG006 if a foreign reader fails.
     """
     with spooled(path):
-        return _read(str(path), format, options or ReadOptions())
+        return _read(str(path), options or ReadOptions())
 
 
-def _read(name: str, format: str, options: ReadOptions) -> ToolPath:
+def _read(name: str, options: ReadOptions) -> ToolPath:
     head = _head(name)
-    chosen, left_out = (format, ()) if format != "auto" else _sniffed(name, head)
+    is_named = options.format != "auto"
+    chosen, left_out = (options.format, ()) if is_named else _sniffed(name, head)
     reader = READERS.get(chosen)
     with READERS.blame(chosen):
-        toolpath = reader.read(name, options).accepting(options.accepted_words)
+        toolpath = reader.read(name, options).accepting(options.accept_words)
     if len(toolpath) == 0:
         raise ReadError(
             "IO014", "no motion in this file, expected at least one point", SourceRef(name)

@@ -14,7 +14,6 @@ from postproc.emitters import (
     emit,
     emitter_of,
     motions_of,
-    with_emitter,
     written,
 )
 from postproc.errors import EmitError, Finding, PluginError, Severity
@@ -152,10 +151,10 @@ def test_the_place_of_a_fault_is_told(plan, read):
 
 
 def test_an_unknown_emitter_is_one_error_with_those_known():
-    cell = with_emitter(made_cell(), "fanuc")
+    cell = made_cell().with_keys({"emitter": "fanuc"})
     with pytest.raises(EmitError, match=r"EMT340: no emitter is named 'fanuc', expected kuka_krl"):
         emitter_of(cell)
-    assert with_emitter(cell, None) is cell
+    assert cell.with_keys({}) is cell
 
 
 class Blind(Emitter):
@@ -207,7 +206,9 @@ def request_of(tmp_path, monkeypatch):
 
     def request(emitter):
         monkeypatch.setitem(EMITTERS._parts, "mine", emitter)
-        return ConvertRequest(str(tmp_path / "p.csv"), str(tmp_path / "cell.toml"), emitter="mine")
+        return ConvertRequest(
+            str(tmp_path / "p.csv"), str(tmp_path / "cell.toml"), keys={"emitter": "mine"}
+        )
 
     return request
 
@@ -236,7 +237,7 @@ def test_a_foreign_emitter_that_fails_is_named(request_of):
 def test_a_measuring_program_is_checked_as_well(plan, monkeypatch):
     list(EMITTERS)
     monkeypatch.setitem(EMITTERS._parts, "mine", Wrong())
-    cell = with_emitter(made_cell(), "mine")
+    cell = made_cell().with_keys({"emitter": "mine"})
     assert emit(plan, cell).files
     with pytest.raises(EmitError, match="EMT343: the program fails its check"):
         written(plan, cell)

@@ -36,7 +36,7 @@ LINES = {
 @pytest.mark.parametrize("name", FILES)
 @pytest.mark.parametrize("motion", ["dense", "spline_block", "forms"])
 def test_programs_of_real_files(name, motion):
-    path = read(str(CORPUS / name), "auto", ReadOptions(tool_axis=(0.0, 0.0, 1.0)))
+    path = read(str(CORPUS / name), ReadOptions(tool_axis=(0.0, 0.0, 1.0)))
     n = min(len(path), 1500)
     moves = [{"kind": MoveKind.PTP, "xyz_mm": path.points[0] * 1e3}]
     feeds = np.where(path.feed > 0.0, path.feed, 0.5)

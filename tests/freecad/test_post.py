@@ -63,7 +63,7 @@ def item(label, *commands):
 def toolpath(post, tmp_path, *items):
     path = tmp_path / "job.apt"
     path.write_text(post.apt_of(items, "job"))
-    return read(str(path), "apt", ReadOptions(dialect="apt"))
+    return read(str(path), ReadOptions(format="apt", dialect="apt"))
 
 
 def test_motions_feeds_and_events(post, tmp_path):

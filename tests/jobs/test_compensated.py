@@ -238,7 +238,7 @@ def test_pieces_keep_events_speeds_and_ends(tmp_path, bench):
     source = tmp_path / "path.apt"
     source.write_text(PATH.replace("GOTO/-900,0,0", "SPINDL/OFF\nGOTO/-900,0,0"))
     cell = load_cell(bench)
-    plan = convert(ConvertRequest(str(source), str(bench), accept_words="SPINDL")).plan
+    plan = convert(ConvertRequest(str(source), str(bench), keys={"accept_words": ("SPINDL",)})).plan
     kin = build(cell.robot)
 
     def bow(q, _move, _share):  # gives way by 1 mm at x = 0, less on both sides

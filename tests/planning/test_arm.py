@@ -17,7 +17,6 @@ from postproc.planning.job import problem_of
 from postproc.planning.planner import plan
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.states.settings import (
-    PlanOptions,
     settle,
 )
 from postproc.units import DEG
@@ -40,7 +39,7 @@ def scattered(make_cell, make_path, seed, home=None):
     q = rng.uniform(low, high, (3, 6))
     T = build(cell.robot).fk(q) @ cell.tool.T_flange_tcp
     toolpath = make_path(T[:, :3, 3], -T[:, :3, 0], MotionKind.JOINT)
-    cell, settings = settle(cell, PlanOptions())
+    cell, settings = settle(cell)
     problem = problem_of(toolpath, cell, settings)
     return Checker(problem, None)
 

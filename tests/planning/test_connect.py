@@ -15,7 +15,6 @@ from postproc.planning.route import connect, tree
 from postproc.planning.route.connect import Ends, detours, free_way
 from postproc.planning.route.tree import ROUNDS, folded_ways, rrt_connect
 from postproc.planning.states.settings import (
-    PlanOptions,
     settle,
 )
 from postproc.timing import joint_move_time
@@ -35,7 +34,7 @@ def checker_of(make_cell, make_path):
         rod = solid("rod", [0.05, 0.05, 0.4], 0.0, 0.0, 0.2)
         cell = replace(cell, tools=(replace(cell.tool, meshes=(rod,)),))
         path = make_path([[1.9, 0.0, 0.9], [1.9, 0.1, 0.9]], [-1.0, 0.0, 0.0])
-        cell, settings = settle(cell, PlanOptions())
+        cell, settings = settle(cell)
         problem = problem_of(path, cell, settings)
         return Checker(problem, Scene.build(cell, problem.kinematics))
 

@@ -14,7 +14,7 @@ from postproc.planning.job import checker_of
 from postproc.planning.planner import plan
 from postproc.planning.search.keytags import dense_key_tags
 from postproc.planning.search.pose_search import PoseSearch, grown
-from postproc.planning.states import PlanOptions, settle
+from postproc.planning.states import settle
 from postproc.units import DEG
 from tools.bench.contours import (
     brute_breaks,
@@ -76,7 +76,7 @@ def test_lazily_checked_is_eagerly_checked():
 
 def test_repaired_values_are_those_of_a_search_from_scratch():
     toolpath, cell = contour("wavy", 1500, 1.0), milling_cell(fixture=True)
-    cell, settings = settle(cell, PlanOptions())
+    cell, settings = settle(cell)
     checker = checker_of(toolpath, cell, settings)
     search = PoseSearch.of(checker, np.flatnonzero(dense_key_tags(checker.problem)))
     assert search.found
@@ -95,7 +95,7 @@ def test_repaired_values_are_those_of_a_search_from_scratch():
 
 def test_cuts_found_good_before_another_into_the_same_state_are_run():
     toolpath, cell = contour("convex", 300, 1.0), milling_cell(fixture=False)
-    cell, settings = settle(cell, PlanOptions())
+    cell, settings = settle(cell)
     checker = checker_of(toolpath, cell, settings)
     search = PoseSearch.of(checker, np.flatnonzero(dense_key_tags(checker.problem)))
     known = search.chosen
@@ -109,7 +109,7 @@ def test_key_tags_of_cuts_stand_on_round_spins_and_the_tags_between_do_not():
     toolpath, cell = contour("convex", 1200, 1.5), milling_cell(fixture=False)
     result = plan(toolpath, cell)
     assert not result.errors
-    checker = checker_of(toolpath, *settle(cell, PlanOptions()))
+    checker = checker_of(toolpath, *settle(cell))
     is_key = dense_key_tags(checker.problem)[result.tag]
     off = np.abs(result.spin / DEG - np.round(result.spin / DEG)) > 1e-6
     assert not off[is_key].any()

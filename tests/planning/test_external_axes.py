@@ -21,7 +21,7 @@ from postproc.planning.external.rating import position_grid
 from postproc.planning.planner import plan
 from postproc.planning.route.travel import cell_at
 from postproc.planning.search.between import carried_twist
-from postproc.planning.states import PlanOptions, settle
+from postproc.planning.states import settle
 from postproc.units import DEG
 
 RAIL = ExternalAxis("E1", "rail", np.array([0.0, 1.0, 0.0]), np.eye(4), -3.5, 3.5, 1.0)
@@ -456,7 +456,7 @@ def test_a_tool_that_stands_still_on_a_turning_table_does_not_twist(make_cell, m
     n, turned = 13, np.linspace(0.0, 2.0, 13)
     cell = make_cell(external_axes=(rim(make_path, 0.1, 0.0)[1],))
     toolpath = make_path(np.tile([2.1, 0.0, 0.8], (n, 1)), [0.0, 0.0, 1.0])
-    settings = settle(cell, PlanOptions())[1]
+    settings = settle(cell)[1]
     place = job.problem_of(toolpath, cell, settings, turned[:, None]).placement
     # spins that make up for the turn of the table leave the tool as it stands to the arm
     spin = carried_twist(place)[0] - carried_twist(place)
@@ -534,7 +534,7 @@ def test_the_way_back_of_the_table_counts_against_a_carried_cut(make_cell, make_
 
 def test_held_and_carried_are_measured_by_one_best(make_cell):
     """Where the table stands even the best posture gives way: little is lost of it."""
-    _, settings = settle(make_cell(), PlanOptions())
+    _, settings = settle(make_cell())
     share = np.full(4, 0.25)
     held = Outcome(0, False, 1.0, share, np.full(4, 959.0), np.full(4, 1000.0))
     carried = Outcome(0, False, 0.99, share, np.full(4, 1273.0), np.full(4, 1600.0))

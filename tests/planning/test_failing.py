@@ -9,7 +9,7 @@ from postproc.planning.search.between import Interpolation
 from postproc.planning.search.cuts import judge
 from postproc.planning.search.failing import also_failing
 from postproc.planning.search.pose_search import PoseSearch
-from postproc.planning.states import PlanOptions, settle
+from postproc.planning.states import settle
 from postproc.readers import read
 from tools.bench.contours import contour, milling_cell
 
@@ -17,7 +17,7 @@ from tools.bench.contours import contour, milling_cell
 def test_steps_are_looked_at_once_and_what_the_joints_refute_cannot_be_run():
     """A fan that comes back with the same steps, all known to fail, gets the search nowhere."""
     toolpath = contour("convex", 8, 60.0)
-    cell, settings = settle(milling_cell(fixture=True, origin=(2150, 550, 750)), PlanOptions())
+    cell, settings = settle(milling_cell(fixture=True, origin=(2150, 550, 750)))
     checker = checker_of(toolpath, cell, settings)
     search = PoseSearch.of(checker, np.arange(8))
     search.ladder.solve()
@@ -45,7 +45,7 @@ def test_steps_are_looked_at_once_and_what_the_joints_refute_cannot_be_run():
 
 def test_the_cheapest_steps_are_those_of_a_plain_search():
     toolpath = contour("convex", 6, 60.0)
-    cell, settings = settle(milling_cell(fixture=True, origin=(2150, 550, 750)), PlanOptions())
+    cell, settings = settle(milling_cell(fixture=True, origin=(2150, 550, 750)))
     search = PoseSearch.of(checker_of(toolpath, cell, settings), np.arange(6))
     ladder, rung = search.ladder, 3
     ladder.solve()

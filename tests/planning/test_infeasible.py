@@ -13,7 +13,6 @@ from postproc.planning.job import checker_of
 from postproc.planning.planner import plan
 from postproc.planning.search.between import Interpolation
 from postproc.planning.states import settle
-from postproc.planning.states.settings import PlanOptions
 from tests.cells import FEED, cell_text
 from tests.jobs.emitted import converted
 
@@ -21,7 +20,7 @@ UP = np.array([0.0, 0.0, 1.0])
 
 
 def infeasible(cell, path):
-    problem = checker_of(path, *settle(cell, PlanOptions())).problem
+    problem = checker_of(path, *settle(cell)).problem
     return Interpolation.of(problem).infeasible.tolist()
 
 

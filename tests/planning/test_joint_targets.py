@@ -70,7 +70,7 @@ def toolpath(source):
 @pytest.mark.usefixtures("no_scene")
 @pytest.mark.parametrize("strategy", ["global", "smooth", "each"])
 def test_each_such_tag_fails_by_its_line(toolpath, make_cell, strategy):
-    result = plan(toolpath, make_cell(), PlanOptions(strategy=strategy))
+    result = plan(toolpath, make_cell().with_keys({"strategy": strategy}))
     errors = [(i.code, i.tag_index, i.source.line) for i in result.errors]
     assert errors == [("PLN206", tag, 4 + tag) for tag in WITHOUT]
     assert all(
@@ -84,7 +84,9 @@ def test_each_such_tag_fails_by_its_line(toolpath, make_cell, strategy):
 @pytest.mark.usefixtures("no_scene")
 @pytest.mark.parametrize("strategy", ["global", "smooth", "each"])
 def test_the_others_are_planned_in_part(toolpath, make_cell, strategy):
-    result = plan(toolpath, make_cell(), PlanOptions(strategy=strategy, partial=True))
+    result = plan(
+        toolpath, make_cell().with_keys({"strategy": strategy}), PlanOptions(partial=True)
+    )
     assert {i.code for i in result.errors} == {"PLN206"}
     assert set(result.tag.tolist()) == set(range(len(PATH))) - set(WITHOUT)
     served = [result.T_base_tcp[result.tag == tag, :3, 3] for tag in (1, 2, 4, 5, 6)]

@@ -17,7 +17,7 @@ from postproc.planning.search.keytags import dense_key_tags
 from postproc.planning.search.pose_search import PoseSearch, with_options
 from postproc.planning.search.roll import main_spins
 from postproc.planning.search.rungs import SearchOptions, shares
-from postproc.planning.states import PlanOptions, settle
+from postproc.planning.states import settle
 from postproc.units import DEG, MM
 from tools.bench.contours import contour, random_case
 from tools.bench.paths import bare_path
@@ -79,7 +79,7 @@ def test_no_pass_turns_the_tool_over_for_what_rounding_of_the_grid_gives():
 def searched(seed):
     """Return a long contour's search, before its rolls have to pay."""
     path = contour(("convex", "wavy", "s")[seed % 3], 2500, 2.0, 5.0 + seed % 7 * 5.0)
-    cell, settings = settle(random_case(seed)[1], PlanOptions())
+    cell, settings = settle(random_case(seed)[1])
     checker = checker_of(path, replace(cell, obstacles=()), settings)
     search = PoseSearch.of(checker, np.flatnonzero(dense_key_tags(checker.problem)))
     return search

@@ -175,7 +175,7 @@ class TestCuts:
     )
     def test_lines(self, make_cell, make_path, strategy):
         cell, toolpath = make_cell(), self.milling(make_path)
-        result = plan(toolpath, cell, PlanOptions(strategy=strategy))
+        result = plan(toolpath, cell.with_keys({"strategy": strategy}))
         check_invariants(result, cell)
         assert not result.errors
         assert len(result) == 42  # and the way out
@@ -428,8 +428,8 @@ def test_workpiece_frame_moves_everything(make_cell, make_path, no_scene):
     R, p = T[:3, :3].T, T[:3, 3]
     moved = replace(toolpath, points=(toolpath.points - p) @ R.T, axes=toolpath.axes @ R.T)
     shifted = replace(cell, bases=(Workpiece(1, T),))
-    one = plan(toolpath, cell, PlanOptions(strategy="each"))
-    two = plan(moved, shifted, PlanOptions(strategy="each"))
+    one = plan(toolpath, cell.with_keys({"strategy": "each"}))
+    two = plan(moved, shifted.with_keys({"strategy": "each"}))
     assert np.allclose(one.stiffness, two.stiffness, rtol=0.02)
 
 
@@ -437,6 +437,6 @@ def test_unknown_words_are_refused(make_cell):
     from postproc.errors import CellError
 
     with pytest.raises(CellError, match="no objective is named 'axal'"):
-        settle(make_cell(optimize={"objective": "axal"}), PlanOptions())
+        settle(make_cell(optimize={"objective": "axal"}))
     with pytest.raises(CellError, match="expected one of global"):
-        settle(make_cell(), PlanOptions(strategy="best"))
+        make_cell().with_keys({"strategy": "best"})

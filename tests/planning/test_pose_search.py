@@ -17,7 +17,6 @@ from postproc.planning.search.failing import _within, also_colliding
 from postproc.planning.search.pose_search import PoseSearch, travel
 from postproc.planning.states import TRAVEL_UNIT, evaluate
 from postproc.planning.states.settings import (
-    PlanOptions,
     settle,
 )
 from postproc.units import DEG
@@ -43,7 +42,7 @@ def crowded(make_cell, make_path, seed):
     head = MeshPlacement("head", T, radius=0.06, length=0.36)
     cell = make_cell(optimize={"step": 20.0 * DEG}, options={"turns": seed % 2 == 0})
     cell = replace(cell, obstacles=tuple(boxes), tools=(replace(cell.tool, meshes=(head,)),))
-    cell, settings = settle(cell, PlanOptions())
+    cell, settings = settle(cell)
     problem = problem_of(toolpath, cell, settings)
     scene = Scene.build(cell, problem.kinematics)
     return Checker(problem, scene)
@@ -87,7 +86,7 @@ def test_the_way_out_of_a_pose_a_turn_away_is_asked(make_cell, make_path, monkey
     """Another copy may have been good because its axes could not get there."""
     points = np.array([[1.9, -0.1, 1.0], [1.9, 0.1, 1.0]])
     toolpath = make_path(points, [-1.0, 0, 0], [MotionKind.RAPID, MotionKind.LINEAR])
-    cell, settings = settle(make_cell(optimize={"step": 20.0 * DEG}), PlanOptions())
+    cell, settings = settle(make_cell(optimize={"step": 20.0 * DEG}))
     checker, asked = Checker(problem_of(toolpath, cell, settings), None), []
     assert (checker.problem.ways_out > 0.0).tolist() == [False, True]
     search = PoseSearch.of(checker, np.arange(2))
@@ -180,7 +179,7 @@ def test_of_mirror_images_the_one_of_the_smaller_spins_counts(rows, make_cell, m
     )
     head = Tool(1, "angle head", across_flange, np.array([0.0, 0.0, 1.0]))
     toolpath = make_path(points, [-1.0, 0, 0], MotionKind.HOLE, cycle=cycle, cycles=cycles)
-    cell, settings = settle(replace(make_cell(), tools=(head,)), PlanOptions())
+    cell, settings = settle(replace(make_cell(), tools=(head,)))
     problem = problem_of(toolpath, cell, settings)
     search = PoseSearch.of(Checker(problem, None), np.arange(y.size))
     spin = search.states.spin_of(search.found.path)

@@ -18,7 +18,6 @@ from postproc.geometry.frames import rotation_x, transform
 from postproc.model.toolpath import MotionKind
 from postproc.planning.planner import plan
 from postproc.planning.search.keytags import key_tags, stretches
-from postproc.planning.states.settings import PlanOptions
 from postproc.units import DEG, MM
 
 AS_THE_PAPER = {"refine": False, "loss_bound_percent": 100.0, "key_every_mm": 1e6}
@@ -113,7 +112,7 @@ def test_global_beats_smooth(make_cell, make_path):
     toolpath = line(make_path, 1680, 555, 508)
     cell = paper_cell(make_cell, 214, 116, "compliance", AS_THE_PAPER)
     smooth = plan(toolpath, cell)
-    everything = plan(toolpath, cell, PlanOptions(strategy="global"))
+    everything = plan(toolpath, cell.with_keys({"strategy": "global"}))
     assert everything.stiffness.mean() > smooth.stiffness.mean()
 
 

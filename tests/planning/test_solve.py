@@ -17,7 +17,6 @@ from postproc.planning.route import Gap
 from postproc.planning.search.pose_search import PoseSearch, with_options
 from postproc.planning.search.rungs import Parted, SearchOptions, beside, with_gaps
 from postproc.planning.states.settings import (
-    PlanOptions,
     settle,
 )
 from postproc.readers import read
@@ -123,7 +122,7 @@ def checker(make_cell, make_path):
     """The checks of tags that an arm without any solids reaches in many ways."""
     points = np.column_stack([np.full(6, 1.9), np.linspace(-0.6, 0.6, 6), np.full(6, 0.9)])
     path = make_path(points, [-1.0, 0.0, 0.0], MotionKind.HOLE)
-    cell, settings = settle(make_cell(), PlanOptions())
+    cell, settings = settle(make_cell())
     return checker_of(path, cell, settings)
 
 
@@ -220,7 +219,7 @@ def test_none_is_near_to_both_sides_of_a_gap():
 def test_what_goes_with_a_cut_is_named(make_cell, make_path, monkeypatch, stuck, named):
     """``stuck``: tags that are stuck as long as they, or a later one, are run."""
     points = np.column_stack([np.full(6, 1.9), np.linspace(-0.2, 0.2, 6), np.full(6, 0.9)])
-    cell, settings = settle(make_cell(), PlanOptions())
+    cell, settings = settle(make_cell())
     checker = checker_of(make_path(points, [-1.0, 0.0, 0.0], MotionKind.LINEAR), cell, settings)
     own = job.route
 

@@ -39,7 +39,7 @@ def map_of(toolpath, cell, **options):
 def test_map_and_plan_agree(make_cell, make_path):
     """The optimum of each tag is the largest stiffness of its column; the line is the plan's."""
     cell, toolpath = make_cell(), holes(make_path)
-    result = plan(toolpath, cell, PlanOptions(strategy="each"))
+    result = plan(toolpath, cell.with_keys({"strategy": "each"}))
     found = spin_map(result, cell)
     assert np.allclose(np.nanmax(found.stiffness, axis=1), result.stiffness, rtol=1e-5)
     assert np.abs(found.loss).max() < 1e-5
@@ -75,7 +75,7 @@ def test_classes_are_those_of_every_posture_checked(make_cell, make_path):
     cell = replace(cell, obstacles=(post,), tools=(replace(cell.tool, meshes=(head,)),))
     toolpath = holes(make_path)
     found = map_of(toolpath, cell)
-    cell, settings = settle(cell, PlanOptions())
+    cell, settings = settle(cell)
     problem = problem_of(toolpath, cell, settings)
     scene = Scene.build(cell, problem.kinematics).kept(MORE_CLEARANCE)
     middle = 0.5 * (problem.kinematics.q_min + problem.kinematics.q_max)

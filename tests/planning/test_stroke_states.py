@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from postproc.model import MotionKind
-from postproc.planning import PlanOptions, settle
+from postproc.planning import settle
 from postproc.planning.checks import Checker, Reason
 from postproc.planning.job import problem_of
 from postproc.planning.states import sample
@@ -29,7 +29,7 @@ def problems(make_cell, make_path):
     for approach in (0.0, APPROACH):
         cell = make_cell(optimize={"step": 20.0 * DEG}, options={"turns": True})
         cell = replace(cell, motion=replace(cell.motion, approach=approach))
-        cell, settings = settle(cell, PlanOptions())
+        cell, settings = settle(cell)
         made.append(problem_of(toolpath, cell, settings))
     return made
 

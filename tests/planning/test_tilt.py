@@ -19,7 +19,6 @@ from postproc.planning.job import checker_of, problem_of
 from postproc.planning.planner import plan
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.states.settings import (
-    PlanOptions,
     settle,
 )
 from postproc.planning.states.tilt import FEW_TILTS, MOST_TILTS, feed_directions, tilt_grid
@@ -74,7 +73,7 @@ class TestFeedDirection:
 )
 def test_the_tool_leans_as_asked_about_its_tip(make_cell, make_path, lead, side, holder):
     limits = {"lead_deg": [-45.0, 45.0], "side_tilt_deg": [-45.0, 45.0]}
-    cell, settings = settle(make_cell(options=limits), PlanOptions())
+    cell, settings = settle(make_cell(options=limits))
     toolpath = make_path([[0, 0, 0], [0.1, 0, 0]], UP, [RAPID, LINEAR])
     place = problem_of(toolpath, cell, settings).placement
     for spin in (0.0, 1.0):
@@ -105,7 +104,7 @@ def test_grid_is_bounded(tags):
 def test_too_fine_a_turn_is_refused(make_cell):
     cell = make_cell(optimize={"step": 1.0 * DEG}, options=TILTED)
     with pytest.raises(CellError, match="PLN207"):
-        settle(cell, PlanOptions())
+        settle(cell)
 
 
 @pytest.mark.usefixtures("no_scene")
@@ -122,7 +121,7 @@ def test_brute_force_over_spin_and_tilt(make_cell, make_path, weight):
         bases=(AHEAD,),
     )
     toolpath = make_path([[0, 0, 0], [0.05, 0, 0], [0.1, 0.04, 0]], UP, [RAPID, LINEAR, LINEAR])
-    checker = checker_of(toolpath, *settle(cell, PlanOptions()))
+    checker = checker_of(toolpath, *settle(cell))
     search = PoseSearch.of(checker, np.arange(3))
     search.ladder.joins = None  # how the tool leans between tags is not asked
     path = search.standing()

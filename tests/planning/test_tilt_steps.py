@@ -17,7 +17,6 @@ from postproc.planning.search.between import Interpolation
 from postproc.planning.search.cuts import judge
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.states import rounded_spin, settle
-from postproc.planning.states.settings import PlanOptions
 from postproc.units import DEG
 from tools.bench.contours import brute_cost, searched_cost
 
@@ -36,7 +35,7 @@ def spiral(count, radius=0.02, turn=17.0, growth=0.002):
 def searched(make_cell, path, options, *, step=20.0, spins=(-60.0, 60.0)):
     optimize = {"step": step * DEG, "range": (spins[0] * DEG, spins[1] * DEG)}
     cell = make_cell(options=options, optimize=optimize, bases=(AHEAD,))
-    checker = checker_of(path, *settle(cell, PlanOptions()))
+    checker = checker_of(path, *settle(cell))
     return PoseSearch.of(checker, np.arange(len(path)))
 
 
@@ -112,7 +111,7 @@ def test_pinned_tags_and_tags_between_key_tags_are_left_to_the_check(make_cell, 
     path = make_path(spiral(8), UP, [RAPID] + [LINEAR] * 7)
     pins = {path.tag_name(3): float(rounded_spin(7.0 * DEG))}
     cell = make_cell(options=SIDE, optimize={"step": 20.0 * DEG, "pins": pins}, bases=(AHEAD,))
-    checker = checker_of(path, *settle(cell, PlanOptions()))
+    checker = checker_of(path, *settle(cell))
     search = PoseSearch.of(checker, np.array([0, 1, 2, 3, 4, 6, 7]))
     assert search.ladder.joins.told.tolist() == [False, True, True, False, False, False, True]
     found = search.found

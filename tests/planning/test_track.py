@@ -6,7 +6,6 @@ from scipy.spatial.transform import Rotation, Slerp
 from postproc.planning.checks.feasible import Checker, Lines, Reason, Verdict
 from postproc.planning.job import problem_of
 from postproc.planning.states.settings import (
-    PlanOptions,
     settle,
 )
 from postproc.units import DEG
@@ -50,7 +49,7 @@ def densely(problem, lines, row):
 
 
 def test_joints_that_turn_back_between_samples_keep_the_margin(make_cell, make_path):
-    cell, settings = settle(make_cell(), PlanOptions())
+    cell, settings = settle(make_cell())
     problem = problem_of(make_path([[1.9, 0.0, 0.9]], [-1.0, 0.0, 0.0]), cell, settings)
     kinematics, rng = problem.kinematics, np.random.default_rng(4)
     missed = turning = needless = 0

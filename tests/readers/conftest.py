@@ -3,6 +3,7 @@ from pathlib import Path
 
 import pytest
 
+from postproc.cell import call_keys
 from postproc.model.toolpath import ToolPath
 from postproc.readers import ReadOptions, read
 from tests.places import SHARED
@@ -32,6 +33,7 @@ def read_text(tmp_path: Path) -> Callable[..., ToolPath]:
     ) -> ToolPath:
         path = tmp_path / name
         path.write_bytes(text if isinstance(text, bytes) else text.encode("latin-1"))
-        return read(path, format, ReadOptions(**options))
+        given = {"format": format, **options}
+        return read(path, ReadOptions(**{**given, **call_keys(given)}))
 
     return reading

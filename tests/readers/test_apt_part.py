@@ -37,7 +37,7 @@ FILES = {
     "part_postworks.apt": "postworks",
     "part_surfcam.apt": "surfcam",
 }
-OPTIONS = ReadOptions(cycle_words=("depth", "clearance", "retract", "peck", "dwell", "feed"))
+OPTIONS = ReadOptions(cycle_words="depth clearance retract peck dwell feed")
 
 
 @pytest.fixture(scope="module", params=list(FILES))

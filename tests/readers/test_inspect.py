@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from postproc.cell import load_cell
+from postproc.cell import Reading, load_cell
 from postproc.cli.app import run
 from postproc.jobs.convert import ConvertRequest, read_toolpath
-from postproc.readers import READING, read
+from postproc.readers import read
 from postproc.report.inspection import distinct_axes, inspection
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -119,7 +119,7 @@ READS = [
 def test_all_commands_that_read_a_cam_file_share_its_options(name, capsys):
     assert run([name, "--help"]) == 0
     out = capsys.readouterr().out
-    for option in READING:
+    for option in (*Reading.__annotations__, "recover"):
         assert f"--{option.replace('_', '-')}" in out
 
 
@@ -137,7 +137,7 @@ def test_an_unknown_format_is_one_line_with_those_known(name, arguments, capsys)
 def test_a_job_reads_with_all_of_them(words, fixtures):
     """Commas or blanks: the numbers 8, 3, 12, 2, 0.5, 120 of the file's drill cycle."""
     cell = ROOT / "fixtures" / "drilling_panel" / "cell.toml"
-    request = ConvertRequest(str(fixtures / "part.aptsource"), str(cell), cycle_words=words)
+    request = ConvertRequest(str(fixtures / "part.aptsource"), str(cell), {"cycle_words": words})
     cycle = read_toolpath(request, load_cell(cell)).cycles[0]
     found = (cycle.depth, cycle.clearance, cycle.dwell, cycle.feed)
     assert found == pytest.approx((0.008, 0.003, 0.5, 0.002))

@@ -15,7 +15,7 @@ from postproc.readers import ReadOptions, read
 PARTS = ("part.cls", "part.apt", "part.ncl.3", "part.aptsource", "part.clt", "part_plain.apt")
 TRAPS = ("nx_modes.cls", "nx_nurbs.clsf", "nx_cycles.clsf", "solidworks_setups.apt",
          "catia_frames.aptsource", "camworks_tilt.clt", "plain_inch.apt")  # fmt: skip
-OPTIONS = {"cycle_words": ("depth", "clearance", "retract", "peck", "dwell", "feed")}
+OPTIONS = {"cycle_words": "depth clearance retract peck dwell feed"}
 FREE_TEXT = re.compile(r"\s*(PARTNO|PPRINT|TPRINT|INSERT|TOOL PATH|OPFEAT|\$\$)", re.IGNORECASE)
 NUMBER = re.compile(r"(?<![\w.])[+-]?(\d+\.?\d*|\.\d+)(?![\w.])")
 

@@ -46,8 +46,8 @@ FILES = [
 def test_real_files_come_back_from_the_text(name, tmp_path):
     (tmp_path / "cell.toml").write_text(CELL)
     cell = load_cell(tmp_path / "cell.toml")
-    options = ReadOptions(units="mm", tool_axis=(0.0, 0.0, 1.0), accept_words="CUTCOM")
-    for toolpath in one_tool_each(read(str(CORPUS / name), "auto", options)):
+    options = ReadOptions(units="mm", tool_axis=(0.0, 0.0, 1.0), accept_words=("CUTCOM",))
+    for toolpath in one_tool_each(read(str(CORPUS / name), options)):
         comes_back(toolpath, cell)
 
 

@@ -37,7 +37,7 @@ from postproc.planning.search.between import Interpolation
 from postproc.planning.search.cuts import Spans, judge
 from postproc.planning.search.keytags import dense_key_tags
 from postproc.planning.search.pose_search import PoseSearch
-from postproc.planning.states import PlanOptions, sample, settle, spin_values
+from postproc.planning.states import sample, settle, spin_values
 from postproc.units import DEG, MM
 from tests.cells import STIFFNESS, cell_text
 from tools.bench.harness import alone, peak_mb
@@ -128,7 +128,7 @@ def random_case(seed: int) -> tuple[ToolPath, Cell]:
 
 def brute_breaks(toolpath: ToolPath, cell: Cell, step: float = 5.0) -> list[int]:
     """Return the tags that no sequence of states of a dense grid of spins [deg] reaches."""
-    cell, settings = settle(cell, PlanOptions())
+    cell, settings = settle(cell)
     checker = checker_of(toolpath, cell, settings)
     n, spins = len(toolpath), spin_values(step * DEG, -np.pi, np.pi)
     states = sample(checker.problem, np.arange(n), spins)
@@ -230,7 +230,7 @@ def exact_case(seed: int) -> Checker:
     toolpath = toolpath.rows(np.arange(4) * int(rng.integers(4, 7)))
     cell = milling_cell(fixture=seed % 2 == 0)
     wishes = replace(cell.optimize, step=20.0 * DEG, range=(-60.0 * DEG, 60.0 * DEG))
-    cell, settings = settle(replace(cell, optimize=wishes), PlanOptions())
+    cell, settings = settle(replace(cell, optimize=wishes))
     return checker_of(toolpath, cell, settings)
 
 
@@ -286,7 +286,7 @@ def compare_eager(seeds: range) -> dict[str, list[int]]:
     verdicts: dict[str, list[int]] = {"same": [], "no way": [], "other": []}
     for seed in seeds:
         toolpath, cell = random_case(seed)
-        cell, settings = settle(cell, PlanOptions())
+        cell, settings = settle(cell)
         checker = checker_of(toolpath, cell, settings)
         tags = np.flatnonzero(dense_key_tags(checker.problem))
         eager = PoseSearch.of(checker, tags)

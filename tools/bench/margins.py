@@ -22,7 +22,7 @@ import numpy as np
 from postproc import convert, load_cell
 from postproc.cell import Cell, Preset
 from postproc.model import Plan, ToolPath
-from postproc.planning import PlanOptions, grade_counts
+from postproc.planning import grade_counts
 from postproc.planning.checks.working import NEAR, NEAR_BY
 from postproc.planning.external.rating import position_grid
 from postproc.planning.job import checker_of
@@ -63,7 +63,7 @@ def possible(toolpath: ToolPath, cell: Cell) -> int:
         singularity=kept.singularity + NEAR,
         clearance=kept.clearance + NEAR_BY,
     )
-    strict, settings = settle(replace(cell, limits=limits), PlanOptions())
+    strict, settings = settle(replace(cell, limits=limits))
     claims, count = claimed(toolpath, strict), 0
     for stretch in claims.stretches():
         part = claims.toolpath.rows(np.arange(stretch.low, stretch.high))

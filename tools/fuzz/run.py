@@ -10,7 +10,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from postproc.cell import load_cell
+from postproc.cell import call_keys, load_cell
 from postproc.errors import PostprocError
 from postproc.jobs.convert import ConvertRequest, convert
 from postproc.jobs.verify import verify
@@ -147,7 +147,9 @@ def one(source: Path, cell: Path, dialect: str | None, number: int, outcome: Out
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            request = ConvertRequest(str(source), str(cell), dialect=dialect, accept_words=words)
+            request = ConvertRequest(
+                str(source), str(cell), keys=call_keys({"dialect": dialect, "accept_words": words})
+            )
             made = convert(request)
             errors = [finding for finding in made.findings if finding.is_error]
             outcome.counts[errors[0].code if errors else "good"] += 1

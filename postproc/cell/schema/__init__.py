@@ -5,12 +5,14 @@ is generated from it. ``postproc.cell.file`` turns it into SI units.
 """
 
 from postproc.cell.schema.cellfile import (
+    CALL_KEYS,
     CellFile,
     CutterTable,
     MeasuringTable,
     Reading,
     ToolTable,
     WorkpieceTable,
+    call_keys,
 )
 from postproc.cell.schema.krl import HooksTable, KrlOptions
 from postproc.cell.schema.motion import Motion, Process, ProcessTable, Thin

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
@@ -125,6 +126,22 @@ class Reading(Options):
     accept_words: tuple[str, ...] = key(
         (), "words of CAM files that are known to be harmless; others stop", form=list[Text]
     )
+
+
+CALL_KEYS: Mapping[str, tuple[str, type[Options]]] = {
+    **dict.fromkeys(Reading.__annotations__, ("import", Reading)),
+    "emitter": ("krl", KrlOptions),
+    **dict.fromkeys(("strategy", "objective", "preset"), ("optimize", Optimize)),
+}
+"""Keys of the cell that a call may give in their place: the table of each, and its options."""
+
+
+def call_keys(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the keys of ``CALL_KEYS`` that a call gives; words have commas between in a text."""
+    keys = {name: given[name] for name in CALL_KEYS if given.get(name) not in (None, "", ())}
+    if isinstance(words := keys.get("accept_words"), str):
+        keys["accept_words"] = tuple(word for word in words.split(",") if word)
+    return keys
 
 
 class WorkpieceTable(Table):

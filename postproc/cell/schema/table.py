@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import field, fields
+from collections.abc import Mapping
+from dataclasses import field, fields, replace
 from enum import StrEnum
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeVar, get_args, get_origin
@@ -68,6 +69,16 @@ class Options:
 
     __slots__ = ()
 
+    def with_keys(self, keys: Mapping[str, Any]) -> Self:
+        """Return the options with those of a call's keys that are theirs; lists are added to.
+
+        Raises:
+            ValueError: for a word that a key does not take.
+        """
+        names = [made.name for made in fields(self) if keys.get(made.name) not in (None, "")]  # type: ignore[arg-type]
+        new = {name: _called(name, getattr(self, name), keys[name]) for name in names}
+        return replace(self, **new) if new else self  # type: ignore[type-var]
+
     def checked(self) -> Self:
         """Return the options as they count; ValueError where keys contradict each other."""
         return self
@@ -100,6 +111,15 @@ def key(
     value = _in_si(said, unit, missing)
     made = {"default_factory": dict} if value == {} else {"default": value}
     return field(**made, metadata={"key": (unit, missing, entry)})
+
+
+def _called(name: str, own: Any, value: Any) -> Any:  # noqa: ANN401 - of any key
+    """Return the value of a key that a call gives: one of its words, or a list added to its own."""
+    if isinstance(own, StrEnum):
+        if value not in tuple(words := type(own)):
+            raise ValueError(f"{name} {value!r}: expected one of {', '.join(words)}")
+        return words(value)
+    return tuple(dict.fromkeys((*own, *value))) if isinstance(own, tuple) else value
 
 
 def key_said(kind: type[Options], name: str) -> tuple[str, tuple[str, ...]]:

@@ -18,6 +18,7 @@ from postproc.cli.common import (
     given,
     planning_options,
     reading_options,
+    requested,
     standard_options,
 )
 
@@ -69,7 +70,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     from postproc.jobs.convert import ConvertRequest
 
     options["cell"] = options["cell"] or ""
-    base = ConvertRequest(source="", **given(ConvertRequest, options))
+    base = ConvertRequest(source="", **requested(options))
     pages = _pages(options["report"])
     limits = BatchOptions(options["jobs"], pages=pages, **given(BatchOptions, options))
     jobs, remarks = call_of(options["inputs"], base, limits, options["config"])

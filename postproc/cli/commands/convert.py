@@ -11,9 +11,9 @@ from postproc.cli.common import (
     CELL,
     Session,
     answer,
-    given,
     planning_options,
     reading_options,
+    requested,
     standard_options,
 )
 from postproc.errors import headlines
@@ -72,7 +72,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     """
     from postproc.jobs.convert import ConvertRequest, convert, document, explained, land
 
-    request = ConvertRequest(**given(ConvertRequest, options))
+    request = ConvertRequest(**requested(options))
     with session.progress() as progress:
         conversion = explained(convert(request, progress), request, progress)
         maps = _spin_maps(conversion, options["spin_maps"], progress)

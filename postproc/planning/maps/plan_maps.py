@@ -16,7 +16,7 @@ from postproc.planning.checks import Grade, grades, moves_of_tags, near_solids
 from postproc.planning.job import problem_of
 from postproc.planning.places import positions
 from postproc.planning.route import cell_at
-from postproc.planning.states import PlanOptions, Problem, evaluate, postures, settle, spin_values
+from postproc.planning.states import Problem, evaluate, postures, settle, spin_values
 from postproc.process import claimed
 from postproc.records import dataclass
 from postproc.units import DEG, MM
@@ -130,7 +130,7 @@ def spin_index(plan: Plan, cell: Cell, moves: IndexArray) -> SpinIndex | None:
         tags = place.tags[moves[place.tags] >= 0]
         if not len(tags):
             continue
-        problem = problem_of(place.toolpath, *settle(place.cell, PlanOptions()))
+        problem = problem_of(place.toolpath, *settle(place.cell))
         scene = Scene.shared(place.whole, problem.kinematics)
         for low in range(0, len(tags), _CHUNK):
             some = tags[low : low + _CHUNK]
@@ -267,7 +267,7 @@ def failing_poses(plan: Plan, cell: Cell, findings: Sequence[Finding]) -> dict[i
         here = cell.with_tool(part.tool, part.base)
         path = plan.toolpath.rows(np.arange(part.low, part.high))
         stands = [
-            (values, problem_of(path, *settle(cell_at(here, values), PlanOptions())))
+            (values, problem_of(path, *settle(cell_at(here, values))))
             for values in positions(here, _POSITIONS)
         ]
         scene = Scene.shared(here, stands[0][1].kinematics)

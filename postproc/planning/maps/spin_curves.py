@@ -24,7 +24,6 @@ from postproc.planning.checks import MORE_CLEARANCE, Checker
 from postproc.planning.job import problem_of
 from postproc.planning.search import key_tags
 from postproc.planning.states import (
-    PlanOptions,
     Postures,
     Problem,
     StateContext,
@@ -117,7 +116,7 @@ def spin_curves(
             "no joint stiffness: the cell has no [stiffness] and no --model is given",
             SourceRef(cell.path),
         )
-    cell, settings = settle(cell, PlanOptions())
+    cell, settings = settle(cell)
     claims = claimed(as_served(toolpath, cell), cell)
     toolpath, stretches = claims.toolpath, [s for s in claims.stretches() if s.is_claimed]
     if tags is None:

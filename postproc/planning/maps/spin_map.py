@@ -22,7 +22,6 @@ from postproc.planning.job import checker_of
 from postproc.planning.maps.plan_maps import at_places
 from postproc.planning.states import (
     Placement,
-    PlanOptions,
     States,
     cross_axes,
     postures,
@@ -121,7 +120,7 @@ def spin_map(result: Plan, cell: Cell, progress: Progress | None = None) -> Spin
     Raises:
         CellError: as ``planner.plan``.
     """
-    cell, settings = settle(cell, PlanOptions())
+    cell, settings = settle(cell)
     n, width = len(result.toolpath), len(settings.spins)
     classes = np.full((n, width), SpinClass.UNREACHABLE, dtype=np.int32)
     stiffness, chosen = np.full((n, width), np.nan), np.full(n, np.nan)

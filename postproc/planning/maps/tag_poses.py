@@ -23,7 +23,6 @@ from postproc.planning.planner import plan as plan_tags
 from postproc.planning.states import (
     HELD,
     UPRIGHT,
-    PlanOptions,
     Postures,
     evaluate,
     postures,
@@ -83,7 +82,7 @@ class TagPoses:
     def __init__(self, plan: Plan, cell: Cell) -> None:
         """Take a plan and its cell, with the objective of the call."""
         self._plan = plan
-        self._cell, self._settings = settle(cell, PlanOptions())
+        self._cell, self._settings = settle(cell)
         self._moves = moves_of_tags(plan)
 
     @cached_property

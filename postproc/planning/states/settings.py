@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
-from enum import StrEnum
-from typing import TypeVar
-
 from postproc.arrays import FloatArray
-from postproc.cell import Cell, Preset, Strategy, require_numbers
+from postproc.cell import Cell, require_numbers
 from postproc.errors import CellError, SourceRef
 from postproc.planning.states.costs import Weights, weights_of
 from postproc.planning.states.place import spin_values
@@ -16,7 +11,6 @@ from postproc.planning.states.tilt import MOST_COLUMNS, coarsest
 from postproc.records import dataclass
 from postproc.units import DEG
 
-Word = TypeVar("Word", bound=StrEnum)
 _FINER = (2, 4)
 """So many times as fine as the cell's is the finest grid of spins, ..."""
 _FINEST = 0.499 * DEG
@@ -27,19 +21,13 @@ _FINEST_COLUMNS = 2 * MOST_COLUMNS
 
 @dataclass(frozen=True, slots=True)
 class PlanOptions:
-    """Options of one call; None keeps the cell's own choice.
+    """What a call asks for beside the keys of its cell.
 
     Args:
-        strategy: ``global``, ``smooth`` or ``each``.
-        objective: name or table of weights.
-        preset: ``stiffest``, ``balanced`` or ``fastest``.
         partial: plan the good stretches although some tags fail.
         name: program name; None: the input's.
     """
 
-    strategy: str | None = None
-    objective: str | Mapping[str, float] | None = None
-    preset: str | None = None
     partial: bool = False
     name: str | None = None
 
@@ -64,34 +52,17 @@ class Settings:
         return max(fits, default=1)
 
 
-def settle(cell: Cell, options: PlanOptions) -> tuple[Cell, Settings]:
-    """Return the cell with the call's choices in it, and what its options come to.
+def settle(cell: Cell) -> tuple[Cell, Settings]:
+    """Return the cell, and what its options come to.
 
     Raises:
         CellError: CEL030 for an arm with unknown limits or speeds, PLN202 for an unknown
-            objective, PLN204 for an unknown strategy or preset, PLN207 for more spins times tilts
-            than a tag can hold.
+            objective, PLN207 for more spins times tilts than a tag can hold.
     """
     require_numbers(cell)
-    wishes = cell.optimize
-    if options.strategy is not None:
-        wishes = replace(wishes, strategy=_one_of(Strategy, options.strategy, "strategy", cell))
-    if options.preset is not None:
-        wishes = replace(wishes, preset=_one_of(Preset, options.preset, "preset", cell))
-    if options.objective is not None:
-        wishes = replace(wishes, objective=options.objective)
-    if wishes is not cell.optimize:
-        cell = replace(cell, optimize=wishes)
-    spins = spin_values(wishes.step, *wishes.range)
+    spins = spin_values(cell.optimize.step, *cell.optimize.range)
     _require_columns(cell, len(spins))
     return cell, Settings(weights_of(cell), spins)
-
-
-def _one_of(words: type[Word], name: str, key: str, cell: Cell) -> Word:
-    if name not in tuple(words):
-        text = f"{key} {name!r}: expected one of {', '.join(words)}"
-        raise CellError("PLN204", text, SourceRef(cell.path))
-    return words(name)
 
 
 def _require_columns(cell: Cell, spins: int) -> None:

@@ -238,7 +238,7 @@ def understood(
         for column in columns
         if column.question
     )
-    known = {word.strip().upper() for word in options.accepted_words}
+    known = {word.strip().upper() for word in options.accept_words}
     refused = [use for use in uses if not use.is_named_by(known)]
     if refused and not options.points_only:
         raise faults.error(

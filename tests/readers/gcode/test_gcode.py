@@ -23,7 +23,7 @@ HEAD = "G21 G90 G17 G94\nT1 M6\nS3000 M3\nG0 X0. Y0. Z10.\n"
 
 def differences(path, listing):
     """Return what differs between a file as it is read and as the other interpreter drives it."""
-    part = read(path, "gcode", ReadOptions(dialect="linuxcnc"))
+    part = read(path, ReadOptions(format="gcode", dialect="linuxcnc"))
     found = [re.match(r"N(\d+)", line) for line in path.read_text().split("\n")]
     numbers = [match[1] if match else "" for match in found]
     tags, driven, wrong = defaultdict(list), defaultdict(list), []
@@ -103,7 +103,7 @@ def test_it_keeps_the_contract_of_readers():
 def _read(tmp_path, text, **options):
     path = tmp_path / "p.nc"
     path.write_text(text)
-    return read(path, "auto", ReadOptions(**options))
+    return read(path, ReadOptions(**options))
 
 
 def test_what_is_not_executed_stops_by_its_name(tmp_path):
@@ -147,7 +147,7 @@ def test_line_ends_are_those_of_any_system(tmp_path):
     plain = _read(tmp_path, text)
     for ending in ("\r\n", "\r"):
         (tmp_path / "q.nc").write_bytes(text.replace("\n", ending).encode())
-        part = read(tmp_path / "q.nc", "auto", ReadOptions())
+        part = read(tmp_path / "q.nc", ReadOptions())
         assert part.points.tolist() == plain.points.tolist(), ending
 
 

@@ -20,7 +20,7 @@ FORMS = {
 def toolpath(tmp_path, text, head=None, name="part.nc"):
     path = tmp_path / name
     path.write_text(text, encoding="utf-8")
-    return read(path, "gcode", ReadOptions(head=head))
+    return read(path, ReadOptions(format="gcode", head=head))
 
 
 @pytest.mark.parametrize("head", FORMS)
