@@ -39,7 +39,6 @@ from postproc.cell.edit import (
 )
 from postproc.cell.file import cell_toml, load_cell, parse_cell
 from postproc.cell.forms import cam_key
-from postproc.cell.instrument import Instrument
 from postproc.cell.reference import cell_reference
 from postproc.cell.robotfile import (
     KUKA_OFFSETS_DEG,
@@ -57,6 +56,7 @@ from postproc.cell.robotfile import (
 )
 from postproc.cell.schema import (
     CALL_KEYS,
+    Instrument,
     KrlOptions,
     Optimize,
     Options,

@@ -14,8 +14,15 @@ from postproc.arrays import AnyIntArray, FloatArray, frozen_floats
 from postproc.cell.choices import (
     RobotSolids,
 )
-from postproc.cell.instrument import Instrument
-from postproc.cell.schema import KrlOptions, Limits, Motion, Optimize, Process, Reading
+from postproc.cell.schema import (
+    Instrument,
+    KrlOptions,
+    Limits,
+    Motion,
+    Optimize,
+    Process,
+    Reading,
+)
 from postproc.errors import CellError, SourceRef
 from postproc.records import dataclass
 from postproc.units import STANDARD_GRAVITY
@@ -270,8 +277,6 @@ class Cell:
     accept: tuple[str, ...] = ()
     """What ``verify`` cannot judge and takes on trust."""
     external_axes: tuple[ExternalAxis, ...] = ()
-    measuring_sigma: float | None = None
-    """Standard deviation of a reading per axis [m], None where nothing is known of the device."""
     instrument: Instrument = Instrument()
     origins: Mapping[str, Origin] = field(default_factory=dict)
     joint_compliances: tuple[Callable[[FloatArray], FloatArray], ...] = field(

@@ -23,7 +23,6 @@ from postproc.cell.cell import (
 )
 from postproc.cell.complaint import complaint, dotted
 from postproc.cell.forms import cam_key, check_forms, routines
-from postproc.cell.instrument import in_m, instrument_of
 from postproc.cell.robotfile import (
     LENGTHS,
     assumed_acceleration,
@@ -122,14 +121,13 @@ class _Builder:
             obstacles=self._solids(file.obstacles, ("obstacles",), "obstacle"),
             limits=file.limits,
             optimize=file.optimize,
-            process=file.process.load,
+            process=file.process,
             motion=self._motion(robot),
             krl=self._krl(),
             reading=file.reading,
             accept=tuple(file.verify.accept),
             external_axes=tuple(_external_axis(axis) for axis in file.external_axes),
-            measuring_sigma=in_m(file.measuring.sigma_mm),
-            instrument=instrument_of(file.measuring),
+            instrument=file.measuring,
             origins=_origins(file, robot, self.toml),
         )
 
@@ -246,7 +244,7 @@ class _Builder:
 
     def _krl(self) -> KrlOptions:
         krl = self.file.krl
-        hooks = routines(krl.hooks, self.file.process.hole_steps)
+        hooks = routines(krl.hooks, self.file.process.hole)
         return replace(krl, hooks=hooks, template=self._template())
 
     def _template(self) -> str:
@@ -334,14 +332,17 @@ def _robot_changes(table: RobotTable, robot: Robot) -> dict[str, Any]:
         for key, least, end in (("q_min", np.maximum, low), ("q_max", np.minimum, high)):
             changes.setdefault(key, np.array(getattr(robot, key)))
             changes[key][axis] = least(changes[key][axis], end * DEG)
-    if table.speed_deg_s is not None:
-        changes["qd_max"] = np.array(table.speed_deg_s) * DEG
-    if table.accel_deg_s2 is not None:
-        changes["qdd_max"] = np.array(table.accel_deg_s2) * DEG
-    if table.jerk_deg_s3 is not None:
-        changes["qddd_max"] = np.array(table.jerk_deg_s3) * DEG
-    if table.torque_nm is not None:
-        changes["torque_max"] = np.array(table.torque_nm)
+    largest = {
+        "qd_max": (table.speed_deg_s, DEG),
+        "qdd_max": (table.accel_deg_s2, DEG),
+        "qddd_max": (table.jerk_deg_s3, DEG),
+        "torque_max": (table.torque_nm, 1.0),
+    }
+    changes |= {
+        name: np.array(of_joints) * unit
+        for name, (of_joints, unit) in largest.items()
+        if of_joints is not None
+    }
     if table.payload_kg is not None:
         changes["payload"] = table.payload_kg
     return changes

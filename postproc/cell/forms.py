@@ -53,8 +53,8 @@ def check_forms(toml: TomlText, file: CellFile) -> None:
 
 def _check_hooks(toml: TomlText, file: CellFile) -> None:
     """Refuse routines of nothing, and steps of a hole that mean something else."""
-    steps, own = file.process.hole_steps, HooksTable.model_fields
-    if file.process.feed_by == "unit" and not steps:
+    steps, own = file.process.hole, HooksTable.model_fields
+    if file.process.unit_feeds and not steps:
         text = 'process.hole is empty: with feed_by = "unit" nothing would drill'
         raise CellError("CEL014", text, toml.source(("process", "hole")))
     for place, name in enumerate(steps):
@@ -87,7 +87,7 @@ def routines(hooks: Mapping[str, str], hole: Sequence[str]) -> dict[str, str]:
 def _check_routines(toml: TomlText, file: CellFile) -> None:
     """Refuse routines that KRL takes for something else, and one routine for two things."""
     keys: dict[str, str] = {}
-    for key, name in routines(file.krl.hooks, file.process.hole_steps).items():
+    for key, name in routines(file.krl.hooks, file.process.hole).items():
         at: Location = ("krl", "hooks", key)
         if not is_legal(name):
             text = f"krl.hooks.{key}: {name!r} is a KRL word, expected another name"

@@ -132,7 +132,7 @@ def plan_diagnosis(
     model = RobotModel.of(kinematics, cell)
     q, side = _postures(model, cell, request, checks, job)
     count, passes = min(request.count, len(q)), [-1, *range(len(request.loads))]
-    sigma = cell.measuring_sigma or USUAL_NOISE
+    sigma = cell.instrument.sigma or USUAL_NOISE
     open_ = Open.of(_known(model, cell, request, q, side, job), sigma)
     number = np.arange(len(q) * len(passes)).reshape(len(passes), -1).T
     at_job = number.size + np.arange(len(job.q))

@@ -79,7 +79,7 @@ def cell_of(
         obstacles=tuple(obstacles),
         limits=Limits(0.0, 0.0, clearance, contact_depth),
         optimize=TypeAdapter(Read[Optimize]).validate_python({}),
-        process=Process(np.zeros(6)),
+        process=Process(),
         motion=TypeAdapter(Read[Motion]).validate_python({}),
         krl=TypeAdapter(Read[KrlOptions]).validate_python({}),
     )

@@ -40,7 +40,7 @@ def cell(tool_name="spindle", path="cell.toml", **krl) -> Cell:
         obstacles=(),
         limits=Limits(0.03, 0.08, 0.0, 0.0),
         optimize=TypeAdapter(Read[Optimize]).validate_python({}),
-        process=Process(np.zeros(6)),
+        process=Process(),
         motion=TypeAdapter(Read[Motion]).validate_python({"feed_mm_min": 600.0}),
         krl=TypeAdapter(Read[KrlOptions]).validate_python(krl),
     )

@@ -96,7 +96,7 @@ def test_a_tracker_errs_along_its_beam_otherwise_than_across(tmp_path):
     points, off = rng.uniform(1, 3, (8, 3)), rng.normal(0, 1e-5, (8, 3))
     rows = [",".join(repr(float(v)) for v in p) for p in 1e3 * points]
     stands = np.array([0.2, -0.3, 0.1])
-    device = Instrument(1e-5, 2e-6, 6e-6, stands)
+    device = Instrument(range_sigma=1e-5, range_rate=2e-6, angle_sigma=6e-6, stands=stands)
     readings = readings_of(read_measurements(write(tmp_path, "x_mm,y_mm,z_mm", rows)), device)
     residual = readings.misfit(points + off) / readings.sigma
     for k, (p, e) in enumerate(zip(points, off, strict=True)):

@@ -43,7 +43,7 @@ def make_cell(robot):
             "obstacles": (),
             "limits": Limits(2.0 * DEG, 5.0 * DEG, 0.0, np.inf),
             "optimize": replace(wishes, **(optimize or {})),
-            "process": Process(np.array([0.0, 0.0, -100.0, 0.0, 0.0, 0.0])),
+            "process": Process((0.0, 0.0, -100.0)),
             "motion": TypeAdapter(Read[Motion]).validate_python(
                 {"feed_mm_min": 600.0} | (motion or {})
             ),

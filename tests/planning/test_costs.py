@@ -53,14 +53,14 @@ def test_axial_and_normal_are_springs_in_series(context):
 
 
 def test_process_follows_the_force(context):
-    cell = replace(context.cell, process=Process(np.array([0.0, 3.0, 4.0, 0, 0, 0])))
+    cell = replace(context.cell, process=Process((0.0, 3.0, 4.0)))
     turned = StateContext(
         context.kinematics, cell, context.q, context.tag, context.spin,
         context.R_robroot_tcp, context.normal, context.c_joint,
     )  # fmt: skip
     direction = context.R_robroot_tcp @ np.array([0.0, 0.6, 0.8])
     assert np.allclose(OBJECTIVES.get("process")(turned), 1.0 / give(context, direction))
-    still = replace(context.cell, process=Process(np.zeros(6)))
+    still = replace(context.cell, process=Process())
     turned.cell = still
     with pytest.raises(CellError, match="force_N is zero"):
         OBJECTIVES.get("process")(turned)

@@ -67,7 +67,7 @@ def test_dead_load_is_the_tools_weight_at_its_centre(cell, arm, postures):
 
 def test_process_force_turns_with_the_tool_and_only_while_cutting(cell, arm, postures):
     q = postures(6)
-    force = replace(cell, process=Process(np.array([-300.0, 0, 50, 0, 5, 0])))
+    force = replace(cell, process=Process((-300.0, 0, 50), (0, 5, 0)))
     working = np.array([True, False] * 3)
     ours = loads(q, force, arm, working, dead=False)
     R = arm.fk(q)[:, :3, :3] @ cell.tool.T_flange_tcp[:3, :3]
@@ -143,7 +143,7 @@ def test_grid_field_in_the_model_predicts_what_the_field_says(cell, arm, posture
 
 def test_plan_is_shifted_and_says_so(cell, arm, postures, tmp_path):
     q = np.linspace(postures(1)[0], postures(2, seed=1)[1], 12)
-    cut = replace(cell, process=Process(np.array([-400.0, 0, 0, 0, 0, 0])))
+    cut = replace(cell, process=Process((-400.0, 0, 0)))
     plan = plan_of(cut, arm, q)
     done = compensate(plan, cut, constant_model(tmp_path / "model.toml"))
     assert not done.errors
@@ -250,9 +250,7 @@ def test_each_operation_has_its_own_force(cell, arm, postures, tmp_path):
     from postproc.compensation.compensate import process_of
     from postproc.model.toolpath import Operation
 
-    own = replace(
-        cell, process=Process(np.array([-50.0, 0, 0, 0, 0, 0]), {"ROUGH": np.full(6, 7.0)})
-    )
+    own = replace(cell, process=Process((-50.0, 0, 0), operations={"ROUGH": np.full(6, 7.0)}))
     plan = plan_of(own, arm, postures(4))
     path = replace(
         plan.toolpath,

@@ -8,14 +8,14 @@ from postproc.cell.schema.cellfile import (
     CALL_KEYS,
     CellFile,
     CutterTable,
-    MeasuringTable,
     Reading,
     ToolTable,
     WorkpieceTable,
     call_keys,
 )
 from postproc.cell.schema.krl import HooksTable, KrlOptions
-from postproc.cell.schema.motion import Motion, Process, ProcessTable, Thin
+from postproc.cell.schema.measuring import Instrument
+from postproc.cell.schema.motion import Motion, Process, Thin
 from postproc.cell.schema.optimize import Limits, Optimize, TiltRange
 from postproc.cell.schema.robot import DimensionsTable, ExternalAxisTable, RobotTable
 from postproc.cell.schema.table import (

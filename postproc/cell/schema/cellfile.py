@@ -9,7 +9,8 @@ from pydantic import Field, model_validator
 
 from postproc.cell.choices import HomeStyle
 from postproc.cell.schema.krl import KrlOptions
-from postproc.cell.schema.motion import Motion, ProcessTable
+from postproc.cell.schema.measuring import Instrument
+from postproc.cell.schema.motion import Motion, Process
 from postproc.cell.schema.optimize import Limits, Optimize
 from postproc.cell.schema.robot import ExternalAxisTable, RobotTable
 from postproc.cell.schema.table import (
@@ -160,31 +161,6 @@ class StiffnessTable(Table):
     joint_Nmm_per_rad: SixPositive = entry(..., "stiffness of A1..A6 [N*mm/rad]")  # noqa: N815
 
 
-class MeasuringTable(Table):
-    """The measuring device of campaigns."""
-
-    sigma_mm: Annotated[float, Field(gt=0.0, le=100.0)] | None = entry(
-        None, "standard deviation of a reading per axis [mm], where none was repeated"
-    )
-    range_sigma_mm: Annotated[float, Field(gt=0.0, le=100.0)] | None = entry(
-        None, "of a tracker: standard deviation along the beam [mm]"
-    )
-    range_sigma_mm_per_m: Annotated[float, Field(ge=0.0, le=100.0)] = entry(
-        0.0, "of a tracker: what the distance adds to that [mm/m]"
-    )
-    angle_sigma_mm_per_m: Annotated[float, Field(gt=0.0, le=100.0)] | None = entry(
-        None, "of a tracker: standard deviation across the beam [mm/m]"
-    )
-    stands_mm: Vector = entry(
-        [0.0, 0.0, 0.0], "where the tracker stands in the measured frame [mm]"
-    )
-    instrument: Text | None = entry(None, "name of the device, for reports")
-    serial: Text | None = entry(None, "its serial number, for reports")
-    calibrated: Text | None = entry(None, "its calibration, for reports")
-    operator: Text | None = entry(None, "who measured, for reports")
-    date: Text | None = entry(None, "when it was measured, for reports")
-
-
 class VerifyTable(Table):
     """What ``verify`` takes on trust."""
 
@@ -212,9 +188,9 @@ class CellFile(Table):
     obstacles: list[Solid] = entry([], "solids in the world")
     limits: Read[Limits] = entry(EMPTY, "margins")
     optimize: Read[Optimize] = entry(EMPTY, "use of the redundancy")
-    process: ProcessTable = entry(EMPTY, "load while working")
+    process: Read[Process] = entry(EMPTY, "load while working")
     stiffness: StiffnessTable | None = entry(None, "joint stiffness")
-    measuring: MeasuringTable = entry(EMPTY, "measuring device of campaigns")
+    measuring: Read[Instrument] = entry(EMPTY, "measuring device of campaigns")
     motion: Read[Motion] = entry(EMPTY, "speeds")
     reading: Read[Reading] = Field(
         default=EMPTY, alias="import", description="how CAM files are read"
@@ -224,14 +200,6 @@ class CellFile(Table):
     external_axes: Annotated[list[ExternalAxisTable], Field(max_length=6)] = entry(
         [], "rails and positioners; a positioner carries those behind it"
     )
-
-    @model_validator(mode="after")
-    def _whole_tracker(self) -> CellFile:
-        if (self.measuring.range_sigma_mm is None) != (self.measuring.angle_sigma_mm_per_m is None):
-            raise ValueError(
-                "measuring: range_sigma_mm and angle_sigma_mm_per_m belong together, found one"
-            )
-        return self
 
     @model_validator(mode="after")
     def _distinct_axes(self) -> CellFile:

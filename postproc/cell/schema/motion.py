@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import field, replace
-from typing import Annotated, Literal, Self
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Annotated, Literal, Self, cast
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from postproc.arrays import FloatArray, frozen_floats
 from postproc.cell.choices import ArcMotion, PathEntry, PointService, SpindleStart
-from postproc.cell.schema.table import CHOICE, Options, Positive, Read, Table, Text, entry, key
+from postproc.cell.schema.table import CHOICE, Options, Read, Table, Text, entry, key
 from postproc.records import dataclass
-from postproc.units import PERCENT, RPM
 
 SixAngles = Annotated[
     list[Annotated[float, Field(ge=-720.0, le=720.0)]], Field(min_length=6, max_length=6)
@@ -35,106 +34,96 @@ class OperationLoadTable(Table):
     moment_Nm: Loads = entry([0.0, 0.0, 0.0], "moment ON the tool at the TCP, TCP axes [N*m]")  # noqa: N815
 
 
-class ProcessTable(Table):
+@dataclass(frozen=True, slots=True)
+class Process(Options):
     """The load on the tool while it works, and how holes are made."""
 
-    force_N: Loads = entry([0.0, 0.0, 0.0], "force ON the tool, TCP axes [N]")  # noqa: N815
-    moment_Nm: Loads = entry([0.0, 0.0, 0.0], "moment ON the tool at the TCP, TCP axes [N*m]")  # noqa: N815
-    operations: list[OperationLoadTable] = entry(
-        [], "loads of single operations; all others take the load above"
+    force: FloatArray = key((0.0, 0.0, 0.0), "force ON the tool, TCP axes [N]", "N", form=Loads)
+    moment: FloatArray = key(
+        (0.0, 0.0, 0.0), "moment ON the tool at the TCP, TCP axes [N*m]", "Nm", form=Loads
     )
-    least_feed_percent: Annotated[float, Field(gt=0.0, le=100.0)] | None = entry(
+    operations: Mapping[str, FloatArray] = key(
+        (),
+        "loads of single operations; all others take the load above",
+        form=list[OperationLoadTable],
+    )
+    """The wrench (6,) of single operations of the CAM file, by name."""
+    least_feed: float = key(
         None,
         "lowest share of the feed asked for that the process takes where an axis "
         "cannot follow; cuts that need less are led another way, else refused [%]; default: any",
+        "percent",
+        gt=0.0,
+        le=100.0,
+        missing=0.0,
     )
-    feed_by: Literal["robot", "unit"] = entry(
+    feed_by: str = key(
         "robot",
         "who feeds the tool into a hole: robot, or unit: the robot stands where the "
         "feed begins, the end effector drills",
+        form=Literal["robot", "unit"],
     )
-    spindle: Annotated[SpindleStart, CHOICE] | None = entry(
+    spindle: SpindleStart | None = key(
         None,
         "who starts the spindle: program: what drills or mills without a speed is "
         "refused; unit: the end effector itself; hand: a person; default: unit with feed_by = "
         "unit, program with spindle_rpm, else not known, and the answer says so first",
+        form=Annotated[SpindleStart, CHOICE],
     )
-    spindle_rpm: Positive | None = entry(
+    spindle_turns: float = key(
         None,
         "speed that the program starts the spindle with where the CAM data gives "
         "none, the way round that the tool cuts [1/min]; default: none",
+        "rpm",
+        called="spindle_rpm",
+        gt=0.0,
+        missing=0.0,
     )
-    hole: list[HoleStep] | None = entry(
+    hole: tuple[str, ...] = key(
         None,
         "routines called at each hole, in order, with its number, depth [mm], feed "
         "[mm/min] and speed [1/min]; with feed_by = robot those up to drill (else all but the "
         "last) come before the stroke; default: none, clamp, drill, unclamp with feed_by = unit",
+        form=list[HoleStep],
     )
 
-    @model_validator(mode="after")
-    def _speed_of_a_program(self) -> ProcessTable:
-        if self.spindle_rpm is not None and self.started_by is not SpindleStart.PROGRAM:
+    def __post_init__(self) -> None:
+        """Check shapes and freeze; take what the file says of operations and holes, or leaves."""
+        frozen_floats(self, "force", (3,))
+        frozen_floats(self, "moment", (3,))
+        if isinstance(self.operations, tuple):
+            tables = cast("Sequence[OperationLoadTable]", self.operations)
+            loads = {load.name: np.array([*load.force_N, *load.moment_Nm]) for load in tables}
+            object.__setattr__(self, "operations", loads)
+        if self.hole is None:
+            object.__setattr__(self, "hole", UNIT_STEPS if self.unit_feeds else ())
+
+    def checked(self) -> Self:
+        """Return who starts the spindle where the key is left out; ValueError as ``Options``."""
+        start = self.spindle
+        if start is None and self.unit_feeds:
+            start = SpindleStart.UNIT
+        elif start is None and self.spindle_turns:
+            start = SpindleStart.PROGRAM
+        if self.spindle_turns and start is not SpindleStart.PROGRAM:
             raise ValueError(
                 'spindle_rpm: the program starts no spindle but with spindle = "program"'
             )
-        return self
+        return replace(self, spindle=start)
 
     @property
-    def hole_steps(self) -> tuple[str, ...]:
-        """Names of the routines that are called at each hole."""
-        if self.hole is None:
-            return UNIT_STEPS if self.feed_by == "unit" else ()
-        return tuple(self.hole)
+    def unit_feeds(self) -> bool:
+        """Whether the end effector drills while the robot stands."""
+        return self.feed_by == "unit"
 
     @property
-    def load(self) -> Process:
-        """The table in SI units."""
-        return Process(
-            np.array([*self.force_N, *self.moment_Nm]),
-            {load.name: np.array([*load.force_N, *load.moment_Nm]) for load in self.operations},
-            self.hole_steps,
-            self.feed_by == "unit",
-            (self.least_feed_percent or 0.0) * PERCENT,
-            self.started_by,
-            (self.spindle_rpm or 0.0) * RPM,
-        )
-
-    @property
-    def started_by(self) -> SpindleStart | None:
-        """Who starts the spindle, None where nothing says it."""
-        if self.spindle is not None:
-            return self.spindle
-        if self.feed_by == "unit":
-            return SpindleStart.UNIT
-        return None if self.spindle_rpm is None else SpindleStart.PROGRAM
-
-
-@dataclass(frozen=True, slots=True)
-class Process:
-    """Load on the tool while it works: wrench (6,) [N, N*m] ON the tool at and in axes of TCP.
-
-    ``operations``: the wrench (6,) of single operations of the CAM file, by name. ``hole``: names
-    of the routines called at each hole, in order; ``unit_feeds``: the end effector drills while the
-    robot stands; ``least_feed``: lowest share of a feed that the process takes, 0 for any;
-    ``spindle``: who starts it, None: nothing says it; ``spindle_turns``: speed [turns/s] that the
-    program starts it with where a file gives none, 0 without.
-    """
-
-    wrench_tcp: FloatArray
-    operations: Mapping[str, FloatArray] = field(default_factory=dict)
-    hole: tuple[str, ...] = ()
-    unit_feeds: bool = False
-    least_feed: float = 0.0
-    spindle: SpindleStart | None = None
-    spindle_turns: float = 0.0
+    def wrench_tcp(self) -> FloatArray:
+        """(6,) [N, N*m] ON the tool while it works, at and in axes of the TCP."""
+        return np.concatenate([self.force, self.moment])
 
     def wrench_of(self, operation: str) -> FloatArray:
         """Return the wrench (6,) of an operation of the CAM file."""
         return np.asarray(self.operations.get(operation, self.wrench_tcp), dtype=np.float64)
-
-    def __post_init__(self) -> None:
-        """Check shapes and freeze."""
-        frozen_floats(self, "wrench_tcp", (6,))
 
 
 @dataclass(frozen=True, slots=True)

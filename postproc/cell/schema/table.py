@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeVar, get_ar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, create_model, model_validator
 
-from postproc.units import DEG, MEGABYTE, MM, MM_PER_MIN, MS, PERCENT
+from postproc.units import DEG, MEGABYTE, MM, MM_PER_MIN, MS, PERCENT, RPM
 
 CHOICE = Field(strict=False)
 """A word of a list: the file holds text, the strict table would ask for the member itself."""
@@ -58,6 +58,8 @@ _UNITS = {
     "percent": PERCENT,
     "deg": DEG,
     "mm": MM,
+    "mm_per_m": MM,
+    "rpm": RPM,
     "ms": MS,
     "mb": MEGABYTE,
 }
@@ -91,6 +93,7 @@ def key(
     *,
     form: Any = None,  # noqa: ANN401 - and its type
     missing: float | None = None,
+    called: str = "",
     **ends: Any,  # noqa: ANN401
 ) -> Any:  # noqa: ANN401
     """Return a field of options that is a key of their table: its name and, at the end, its unit.
@@ -101,6 +104,7 @@ def key(
         unit: end of the key, of ``_UNITS`` where it is not SI.
         form: type of the value in the file; else that of the default.
         missing: the value of the field where the file has none.
+        called: the key, where it is not made from name and unit.
         ends: ``ge``, ``gt``, ``le`` of a number.
     """
     kind = form or Annotated[float if default is None else type(default), Field(**ends)]
@@ -110,7 +114,7 @@ def key(
     entry = (kind if default is not None else kind | None, Field(default=said, description=meaning))
     value = _in_si(said, unit, missing)
     made = {"default_factory": dict} if value == {} else {"default": value}
-    return field(**made, metadata={"key": (unit, missing, entry)})
+    return field(**made, metadata={"key": (called, unit, missing, entry)})
 
 
 def _called(name: str, own: Any, value: Any) -> Any:  # noqa: ANN401 - of any key
@@ -124,7 +128,7 @@ def _called(name: str, own: Any, value: Any) -> Any:  # noqa: ANN401 - of any ke
 
 def key_said(kind: type[Options], name: str) -> tuple[str, tuple[str, ...]]:
     """Return the meaning of the key of a field, and the words that it takes, none for any text."""
-    form, entry = next(made for made in fields(kind) if made.name == name).metadata["key"][2]  # type: ignore[arg-type]
+    form, entry = next(made for made in fields(kind) if made.name == name).metadata["key"][-1]  # type: ignore[arg-type]
     return str(entry.description), _words_of(form)
 
 
@@ -150,7 +154,10 @@ T = TypeVar("T", bound=Options)
 def _keyed(kind: type[Options]) -> dict[str, tuple[str, str, float | None, Any]]:
     """Return for each key its field, unit, value for None, and entry of the table."""
     keyed = [(made.name, *made.metadata["key"]) for made in fields(kind) if made.metadata]  # type: ignore[arg-type]
-    return {f"{name}_{unit}".rstrip("_"): (name, unit, *rest) for name, unit, *rest in keyed}
+    return {
+        called or f"{name}_{unit}".rstrip("_"): (name, unit, missing, entry)
+        for name, called, unit, missing, entry in keyed
+    }
 
 
 def _table_of(kind: type[Options]) -> type[Table]:

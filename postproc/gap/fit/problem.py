@@ -185,7 +185,7 @@ def pose_problem(
     point, seen = evaluate(samples, given)[0], None
     instrument = _instrument(measurements, cell)
     if not reads_points(measurements, cell.instrument):
-        readings = readings_of(measurements, cell.instrument, cell.measuring_sigma).firm
+        readings = readings_of(measurements, cell.instrument, cell.instrument.sigma).firm
         T_measured_robroot = np.eye(4) if frame is None else frames_of(frame, rows)
         seen, measured, usual = seen_by(readings, point, T_measured_robroot)
         if seen.references.shape[2]:
@@ -259,8 +259,8 @@ def _instrument(measurements: MeasurementSet, cell: Cell) -> FloatArray | None:
     """Return the sd per axis of each reading (n,) [m] by file or cell, None if unknown."""
     if measurements.sigma is not None:
         return np.asarray(measurements.sigma)
-    if cell.measuring_sigma is not None:
-        return np.full(len(measurements), cell.measuring_sigma)
+    if cell.instrument.sigma is not None:
+        return np.full(len(measurements), cell.instrument.sigma)
     return None
 
 
