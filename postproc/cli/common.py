@@ -210,6 +210,21 @@ TOOL = click.option(
 )
 
 
+def option(*names: str, kind: Any = None, default: Any = None, **more: Any) -> Decorator:  # noqa: ANN401 - as of click
+    """Return an option of a command.
+
+    Args:
+        names: as of ``click.option``.
+        kind: a type of click, or the words that it takes.
+        default: shown in the help.
+        more: as of ``click.option``.
+    """
+    is_choice = isinstance(kind, tuple) and isinstance(kind[0], str)
+    if default is not None:
+        more = {"default": default, "show_default": True, **more}
+    return click.option(*names, type=click.Choice(kind) if is_choice else kind, **more)
+
+
 def _of_cell(names: Iterable[str]) -> list[Decorator]:
     """Return the options of a call that stand for keys of the cell: said there, once for all."""
     from postproc.cell import CALL_KEYS, key_said

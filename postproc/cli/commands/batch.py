@@ -16,6 +16,7 @@ from postproc.cli.common import (
     Session,
     answer,
     given,
+    option,
     planning_options,
     reading_options,
     requested,
@@ -37,27 +38,25 @@ Examples:
 
 @click.command(epilog=EPILOG)
 @click.argument("inputs", nargs=-1, required=True, metavar="INPUT...")
-@click.option("--cell", metavar="CELL.toml", help="The robot cell (or in batch.toml).")
-@click.option("-o", "--output", required=True, metavar="DIR", help="Folder of the programs.")
-@click.option("--config", metavar="BATCH.toml", help="Options per input.")
-@click.option(
-    "-j", "--jobs", type=click.IntRange(min=1), help="Worker processes; default: one per core."
-)
-@click.option("--dask", metavar="ADDRESS", help="Run on this Dask cluster instead.")
-@click.option("--split", metavar="RULE", help="region:MM, count:N or operation: large inputs.")
+@option("--cell", metavar="CELL.toml", help="The robot cell (or in batch.toml).")
+@option("-o", "--output", required=True, metavar="DIR", help="Folder of the programs.")
+@option("--config", metavar="BATCH.toml", help="Options per input.")
+@option("-j", "--jobs", kind=click.IntRange(min=1), help="Worker processes; default: one per core.")
+@option("--dask", metavar="ADDRESS", help="Run on this Dask cluster instead.")
+@option("--split", metavar="RULE", help="region:MM, count:N or operation: large inputs.")
 @reading_options
 @planning_options
-@click.option("--timeout", type=NumberRange(min=0.1), help="Seconds per input.")
-@click.option("--memory", type=NumberRange(min=0.5), help="GiB per worker.")
-@click.option("--force", is_flag=True, help="Redo everything.")
-@click.option("--prune", is_flag=True, help="Remove outputs whose input is gone.")
-@click.option("--check", is_flag=True, help="Write nothing; compare with what is there.")
-@click.option(
+@option("--timeout", kind=NumberRange(min=0.1), help="Seconds per input.")
+@option("--memory", kind=NumberRange(min=0.5), help="GiB per worker.")
+@option("--force", is_flag=True, help="Redo everything.")
+@option("--prune", is_flag=True, help="Remove outputs whose input is gone.")
+@option("--check", is_flag=True, help="Write nothing; compare with what is there.")
+@option(
     "--report",
     metavar="FILE.html",
     help="A page of all inputs, with one of each in the folder FILE beside it.",
 )
-@click.option("--junit", metavar="FILE.xml", help="Write the outcome as JUnit XML.")
+@option("--junit", metavar="FILE.xml", help="Write the outcome as JUnit XML.")
 @standard_options
 def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
     """Convert many inputs: files, folders, globs, or @LIST, a file with one of these a line.

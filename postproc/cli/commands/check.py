@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from postproc.cli.common import Session, answer, standard_options
+from postproc.cli.common import Session, answer, option, standard_options
 
 EPILOG = """\b
 Examples:
@@ -19,11 +19,11 @@ Examples:
 
 @click.command(epilog=EPILOG)
 @click.argument("cell", metavar="CELL.toml")
-@click.option("--report", metavar="FILE.html", help="Write a page that draws the cell.")
-@click.option(
+@option("--report", metavar="FILE.html", help="Write a page that draws the cell.")
+@option(
     "--backup", metavar="ARCHIVE", help="Backup of the controller to compare with: ZIP or folder."
 )
-@click.option("--templates", is_flag=True, help="Test the cell's own templates without a part.")
+@option("--templates", is_flag=True, help="Test the cell's own templates without a part.")
 @standard_options
 def command(
     session: Session, /, cell: str, report: str | None, backup: str | None, templates: bool

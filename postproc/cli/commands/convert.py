@@ -11,6 +11,7 @@ from postproc.cli.common import (
     CELL,
     Session,
     answer,
+    option,
     planning_options,
     reading_options,
     requested,
@@ -45,15 +46,15 @@ def _known_suffix(
 @click.command(epilog=EPILOG)
 @click.argument("source", metavar="INPUT")
 @CELL
-@click.option("-o", "--output", required=True, metavar="DIR", help="Folder of the program.")
-@click.option("--name", help="Program name; default: that of the input file.")
+@option("-o", "--output", required=True, metavar="DIR", help="Folder of the program.")
+@option("--name", help="Program name; default: that of the input file.")
 @reading_options
 @planning_options
-@click.option("--trade", is_flag=True, help="Show what each preset would lose and gain.")
-@click.option("--pins", metavar="FILE.csv", help="Spins that tags must have: tag,spin_deg.")
-@click.option("--partial", is_flag=True, help="Write the good stretches even if tags fail.")
-@click.option("--report", metavar="FILE.html", help="Write a page that shows the program.")
-@click.option(
+@option("--trade", is_flag=True, help="Show what each preset would lose and gain.")
+@option("--pins", metavar="FILE.csv", help="Spins that tags must have: tag,spin_deg.")
+@option("--partial", is_flag=True, help="Write the good stretches even if tags fail.")
+@option("--report", metavar="FILE.html", help="Write a page that shows the program.")
+@option(
     "--spin-map",
     "spin_maps",
     multiple=True,

@@ -13,6 +13,7 @@ from postproc.cli.common import (
     TOOL,
     Session,
     answer,
+    option,
     read_cam,
     reading_options,
     standard_options,
@@ -38,51 +39,55 @@ Examples:
 
 @click.command(epilog=EPILOG)
 @click.argument("measurements", metavar="MEAS.csv...", nargs=-1)
-@click.option(
+@option(
     "--trace",
     metavar="LOG.csv",
     help="Recording of a path instead of poses: commanded and actual joints, tool point.",
 )
 @CELL
 @TOOL
-@click.option("--model", metavar="MODEL.toml", help="Model of the arm that is already known.")
-@click.option(
+@option("--model", metavar="MODEL.toml", help="Model of the arm that is already known.")
+@option(
     "--register",
     "registered",
     is_flag=True,
     help="The measured frame and the reflector's place on the tool are unknown: fit them first.",
 )
-@click.option(
+@option(
     "--before",
     multiple=True,
     metavar="BEFORE.csv",
     help="Campaign before compensation: predicted against measured, by the ids of the rows.",
 )
-@click.option(
+@option(
     "--self-check",
     "self_check",
     is_flag=True,
     help="Put each effect at 0.3, 1 and 3 times its usual size into these rows, and report how"
     " often it is named, missed, or blamed on another.",
 )
-@click.option(
-    "--trials", type=click.IntRange(1, 100), default=1, help="Arms of each effect and size. [1]"
+@option(
+    "--trials",
+    kind=click.IntRange(1, 100),
+    default=1,
+    help="Arms of each effect and size. [1]",
+    show_default=False,
 )
-@click.option(
+@option(
     "--accept",
     multiple=True,
     metavar="EFFECT",
     help="Write this effect into the model although the instrument may have caused the same.",
 )
-@click.option(
+@option(
     "--program",
     metavar="INPUT",
     help="CAM file: report where along it the gap lies; with --trace the KRL program that was run.",
 )
-@click.option("--against", metavar="INPUT", help="With --trace: the CAM file that was run.")
+@option("--against", metavar="INPUT", help="With --trace: the CAM file that was run.")
 @reading_options
-@click.option("--tol-mm", type=POSITIVE, help="Exit 1 if the gap (rms) is larger than this.")
-@click.option(
+@option("--tol-mm", kind=POSITIVE, help="Exit 1 if the gap (rms) is larger than this.")
+@option(
     "-o",
     "--output",
     metavar="DIR",

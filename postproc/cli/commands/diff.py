@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from postproc.cli.common import NOT_NEGATIVE, Session, answer, standard_options
+from postproc.cli.common import NOT_NEGATIVE, Session, answer, option, standard_options
 
 if TYPE_CHECKING:
     from postproc.comparison import DiffReport
@@ -25,24 +25,12 @@ Examples:
 @click.command(epilog=EPILOG)
 @click.argument("old", metavar="OLD", type=click.Path())
 @click.argument("new", metavar="NEW", type=click.Path())
-@click.option(
-    "--tol-mm",
-    default=0.001,
-    show_default=True,
-    type=NOT_NEGATIVE,
-    help="Shift that counts as the same.",
-)
-@click.option(
-    "--tol-deg",
-    default=0.001,
-    show_default=True,
-    type=NOT_NEGATIVE,
-    help="Turn that counts as the same.",
-)
-@click.option("--html", "page", metavar="FILE.html", help="Write a page that shows what moved.")
-@click.option("--markdown", metavar="FILE.md", help="Write the answer in at most 60 lines.")
-@click.option("--junit", metavar="FILE.xml", help="Write the outcome as JUnit XML.")
-@click.option("--update", is_flag=True, help="Accept: copy NEW over OLD; then 0, not 1.")
+@option("--tol-mm", default=0.001, kind=NOT_NEGATIVE, help="Shift that counts as the same.")
+@option("--tol-deg", default=0.001, kind=NOT_NEGATIVE, help="Turn that counts as the same.")
+@option("--html", "page", metavar="FILE.html", help="Write a page that shows what moved.")
+@option("--markdown", metavar="FILE.md", help="Write the answer in at most 60 lines.")
+@option("--junit", metavar="FILE.xml", help="Write the outcome as JUnit XML.")
+@option("--update", is_flag=True, help="Accept: copy NEW over OLD; then 0, not 1.")
 @standard_options
 def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
     """Tell what the robot would do differently with NEW than with OLD.

@@ -7,7 +7,15 @@ from typing import Any
 
 import click
 
-from postproc.cli.common import CELL, Session, answer, read_cam, reading_options, standard_options
+from postproc.cli.common import (
+    CELL,
+    Session,
+    answer,
+    option,
+    read_cam,
+    reading_options,
+    standard_options,
+)
 
 EPILOG = """\b
 Examples:
@@ -19,9 +27,9 @@ Examples:
 @click.command(epilog=EPILOG)
 @click.argument("points", metavar="POINTS.csv")
 @CELL
-@click.option("--base", type=int, metavar="N", help="BASE number, in a cell with several.")
-@click.option("--job", metavar="INPUT", help="CAM file: uncertainty of its holes.")
-@click.option("-o", "--output", metavar="CELL2.toml", help="Write the cell with the fitted base.")
+@option("--base", kind=int, metavar="N", help="BASE number, in a cell with several.")
+@option("--job", metavar="INPUT", help="CAM file: uncertainty of its holes.")
+@option("-o", "--output", metavar="CELL2.toml", help="Write the cell with the fitted base.")
 @reading_options
 @standard_options
 def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from postproc.cli.common import CELL, NUMBER, TOOL, Session, answer, standard_options
+from postproc.cli.common import CELL, NUMBER, TOOL, Session, answer, option, standard_options
 
 EPILOG = """\b
 Examples:
@@ -20,37 +20,29 @@ Examples:
 @click.argument("source", metavar="MEAS.csv")
 @CELL
 @TOOL
-@click.option("-o", "--output", required=True, metavar="MODEL.toml", help="Model to write.")
-@click.option(
+@option("-o", "--output", required=True, metavar="MODEL.toml", help="Model to write.")
+@option(
     "--method",
-    type=click.Choice(["auto", "constant", "grid", "continuous"]),
+    kind=("auto", "constant", "grid", "continuous"),
     help="Kind of model; default: auto (smallest held-out error), or grid with --grid.",
 )
-@click.option("--grid", type=NUMBER, metavar="MM", help="One stiffness per cell of this edge [mm].")
-@click.option(
+@option("--grid", kind=NUMBER, metavar="MM", help="One stiffness per cell of this edge [mm].")
+@option(
     "--origin",
     nargs=3,
-    type=NUMBER,
-    default=None,
+    kind=NUMBER,
     metavar="X Y Z",
     help="Lowest corner of the grid [mm]; default: of the tool points.",
 )
-@click.option(
+@option(
     "--between-cells",
-    type=click.Choice(["blend", "average"]),
+    kind=("blend", "average"),
     default="blend",
-    show_default=True,
     help="Interpolate between cell centres, or average on faces only (the paper's rule).",
 )
-@click.option(
-    "--confidence",
-    type=NUMBER,
-    default=0.9,
-    show_default=True,
-    help="Of the intervals, 0.5 to 0.999.",
-)
-@click.option("--register", is_flag=True, help="Fit the tracker's frame and the reflector first.")
-@click.option("--report", metavar="FILE.html", help="Write a page with figures.")
+@option("--confidence", kind=NUMBER, default=0.9, help="Of the intervals, 0.5 to 0.999.")
+@option("--register", is_flag=True, help="Fit the tracker's frame and the reflector first.")
+@option("--report", metavar="FILE.html", help="Write a page with figures.")
 @standard_options
 def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
     """Identify joint stiffness from readings with and without load.

@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from postproc.cli.common import Session, answer, reading, reading_options, standard_options
+from postproc.cli.common import Session, answer, option, reading, reading_options, standard_options
 
 
 @click.command(
@@ -14,7 +14,7 @@ from postproc.cli.common import Session, answer, reading, reading_options, stand
     short_help="What was read from a CAM file, before any robot.",
 )
 @click.argument("source", metavar="INPUT", type=click.Path())
-@click.option("--cell", metavar="CELL.toml", help="Cell whose [import] says how files are read.")
+@option("--cell", metavar="CELL.toml", help="Cell whose [import] says how files are read.")
 @reading_options
 @standard_options
 def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from postproc.cli.common import Session, answer, standard_options
+from postproc.cli.common import Session, answer, option, standard_options
 
 if TYPE_CHECKING:
     from postproc.errors import Finding
@@ -20,24 +20,24 @@ Examples:
 
 @click.command(epilog=EPILOG)
 @click.argument("programs", metavar="PROGRAM...", nargs=-1, required=True, type=click.Path())
-@click.option(
+@option(
     "--config",
     multiple=True,
     metavar="FILE",
-    type=click.Path(),
+    kind=click.Path(),
     help="Data list whose names are known, such as $config.dat; not linted itself.",
 )
-@click.option(
+@option(
     "--routine",
     multiple=True,
     metavar="NAME",
     help="Routine that is on the controller; may be given more than once.",
 )
-@click.option("--max-tool", default=16, show_default=True, help="MAX_TOOL of the controller.")
-@click.option("--max-base", default=32, show_default=True, help="MAX_BASE of the controller.")
-@click.option("--external-axes", type=click.IntRange(0, 6), help="Number of external axes.")
-@click.option("--junit", metavar="FILE.xml", help="Write the outcome as JUnit XML, a case a file.")
-@click.option("--allow-zero", is_flag=True, help="Tool 0 and base 0 are intended.")
+@option("--max-tool", default=16, help="MAX_TOOL of the controller.")
+@option("--max-base", default=32, help="MAX_BASE of the controller.")
+@option("--external-axes", kind=click.IntRange(0, 6), help="Number of external axes.")
+@option("--junit", metavar="FILE.xml", help="Write the outcome as JUnit XML, a case a file.")
+@option("--allow-zero", is_flag=True, help="Tool 0 and base 0 are intended.")
 @standard_options
 def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
     """Check KRL programs: .src and .dat files, or folders with all modules in them.

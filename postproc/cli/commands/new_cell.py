@@ -16,6 +16,7 @@ from postproc.cli.common import (
     Session,
     answer,
     complete_robots,
+    option,
     standard_options,
 )
 from postproc.errors import CellError, UsageError
@@ -163,54 +164,52 @@ class _NewCell(click.Command):
 
 
 @click.command(cls=_NewCell, epilog=EPILOG)
-@click.option("-o", "--output", metavar="CELL.toml", help="File to write.")
-@click.option(
+@option("-o", "--output", metavar="CELL.toml", help="File to write.")
+@option(
     "--robot",
     metavar="NAME",
     shell_complete=complete_robots,
     help="Built-in robot, see postproc robots.",
 )
-@click.option("--backup", metavar="ARCHIVE", help="Backup of a KRC controller: ZIP or folder.")
-@click.option("--urdf", metavar="FILE", help="URDF or xacro file, or a folder with one robot.")
-@click.option("--tip", metavar="LINK", help="Flange link of the URDF.")
-@click.option("--name", help="Name of the cell; default: that of the file.")
-@click.option("--tool-xyz", type=_TRIPLE, metavar="X Y Z", help="TCP in the flange [mm].")
-@click.option("--tool-abc", type=_TRIPLE, metavar="A B C", help="Rotation of the TCP frame [deg].")
-@click.option("--tool-axis", type=click.Choice(AXES), help="TCP axis that points into the part.")
-@click.option("--tool-mass", type=NUMBER, metavar="KG", help="Mass of the tool [kg].")
-@click.option("--tool-number", type=int, metavar="N", help="TOOL number; default: 1.")
-@click.option(
-    "--tool-mesh", multiple=True, metavar="FILE", help="Solid of the tool, in the flange."
-)
-@click.option("--workpiece-xyz", type=_TRIPLE, metavar="X Y Z", help="CAM origin in robroot [mm].")
-@click.option("--workpiece-abc", type=_TRIPLE, metavar="A B C", help="Rotation of CAM axes [deg].")
-@click.option("--base-number", type=int, metavar="N", help="BASE number; default: 1.")
-@click.option(
+@option("--backup", metavar="ARCHIVE", help="Backup of a KRC controller: ZIP or folder.")
+@option("--urdf", metavar="FILE", help="URDF or xacro file, or a folder with one robot.")
+@option("--tip", metavar="LINK", help="Flange link of the URDF.")
+@option("--name", help="Name of the cell; default: that of the file.")
+@option("--tool-xyz", kind=_TRIPLE, metavar="X Y Z", help="TCP in the flange [mm].")
+@option("--tool-abc", kind=_TRIPLE, metavar="A B C", help="Rotation of the TCP frame [deg].")
+@option("--tool-axis", kind=AXES, help="TCP axis that points into the part.")
+@option("--tool-mass", kind=NUMBER, metavar="KG", help="Mass of the tool [kg].")
+@option("--tool-number", kind=int, metavar="N", help="TOOL number; default: 1.")
+@option("--tool-mesh", multiple=True, metavar="FILE", help="Solid of the tool, in the flange.")
+@option("--workpiece-xyz", kind=_TRIPLE, metavar="X Y Z", help="CAM origin in robroot [mm].")
+@option("--workpiece-abc", kind=_TRIPLE, metavar="A B C", help="Rotation of CAM axes [deg].")
+@option("--base-number", kind=int, metavar="N", help="BASE number; default: 1.")
+@option(
     "--workpiece-mesh", multiple=True, metavar="FILE", help="Solid of the part, in CAM coordinates."
 )
-@click.option(
+@option(
     "--home",
-    type=_SIX,
+    kind=_SIX,
     metavar="A1 .. A6|none",
     help="Posture to begin and end in [deg]; default: a clear one is proposed.",
 )
-@click.option("--no-home", is_flag=True, hidden=True)
-@click.option("--spindle", type=click.Choice(STARTS), help="Who starts the spindle.")
-@click.option(
+@option("--no-home", is_flag=True, hidden=True)
+@option("--spindle", kind=STARTS, help="Who starts the spindle.")
+@option(
     "--spindle-rpm",
-    type=NUMBER,
+    kind=NUMBER,
     metavar="1/MIN",
     help="Speed that the program starts it with where the CAM file gives none.",
 )
-@click.option("--feed", type=NUMBER, metavar="MM/MIN", help="Feed where the CAM file gives none.")
-@click.option(
+@option("--feed", kind=NUMBER, metavar="MM/MIN", help="Feed where the CAM file gives none.")
+@option(
     "--input",
     metavar="INPUT",
     help="CAM file: propose a place of the workpiece where the arm reaches all of it.",
 )
-@click.option("--units", type=click.Choice(["mm", "inch", "m"]), help="Of the CAM file.")
-@click.option("--force", is_flag=True, help="Overwrite an existing file.")
-@click.option("--keys", is_flag=True, help="Print the reference of all keys instead.")
+@option("--units", kind=("mm", "inch", "m"), help="Of the CAM file.")
+@option("--force", is_flag=True, help="Overwrite an existing file.")
+@option("--keys", is_flag=True, help="Print the reference of all keys instead.")
 @standard_options
 def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
     """Write a cell file with every key, its default and its meaning.

@@ -12,6 +12,7 @@ from postproc.cli.common import (
     NUMBER,
     Session,
     answer,
+    option,
     read_cam,
     reading_options,
     standard_options,
@@ -27,30 +28,28 @@ Examples:
 @click.command(epilog=EPILOG)
 @click.argument("source", metavar="INPUT")
 @CELL
-@click.option(
+@option(
     "--box",
     nargs=6,
-    type=NUMBER,
+    kind=NUMBER,
     metavar="X0 Y0 Z0 X1 Y1 Z1",
     help="Where the part origin may be, in the robot root [mm]; of the robot in the world. "
     "Without it: wherever the arm reaches, for a workpiece with a solid.",
 )
-@click.option(
+@option(
     "--free",
-    type=click.Choice(["xyz", "xyzA"]),
+    kind=("xyz", "xyzA"),
     default="xyz",
-    show_default=True,
     help="What may change: the position, or also the rotation about the vertical.",
 )
-@click.option(
+@option(
     "--move",
-    type=click.Choice(["part", "rail", "robot"]),
+    kind=("part", "rail", "robot"),
     default="part",
-    show_default=True,
     help="What is moved: the part with all setups, the robot, or the rail with the robot on it.",
 )
-@click.option("-o", "--output", metavar="CELL2.toml", help="Write the cell with the place found.")
-@click.option("--report", metavar="FILE.html", help="Write a page that shows how good places are.")
+@option("-o", "--output", metavar="CELL2.toml", help="Write the cell with the place found.")
+@option("--report", metavar="FILE.html", help="Write a page that shows how good places are.")
 @reading_options
 @standard_options
 def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from postproc.cli.common import CELL, TOOL, Session, answer, standard_options
+from postproc.cli.common import CELL, TOOL, Session, answer, option, standard_options
 
 EPILOG = """\b
 Example:
@@ -19,14 +19,14 @@ Example:
 @click.argument("measurements", metavar="MEAS.csv")
 @CELL
 @TOOL
-@click.option("--model", metavar="MODEL.toml", help="What is known of the robot; else nominal.")
-@click.option(
+@option("--model", metavar="MODEL.toml", help="What is known of the robot; else nominal.")
+@option(
     "--register",
     "registered",
     is_flag=True,
     help="Fit the measured frame and the reflector anew on these rows; keep the effects.",
 )
-@click.option(
+@option(
     "-o",
     "--output",
     required=True,

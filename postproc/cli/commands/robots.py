@@ -6,7 +6,14 @@ from typing import Any
 
 import click
 
-from postproc.cli.common import NOT_NEGATIVE, Session, answer, complete_robots, standard_options
+from postproc.cli.common import (
+    NOT_NEGATIVE,
+    Session,
+    answer,
+    complete_robots,
+    option,
+    standard_options,
+)
 
 EPILOG = """\b
 Examples:
@@ -19,12 +26,8 @@ Examples:
 
 @click.command(epilog=EPILOG)
 @click.argument("name", required=False, shell_complete=complete_robots)
-@click.option(
-    "--reach", type=NOT_NEGATIVE, metavar="MM", help="Only arms that reach this far [mm]."
-)
-@click.option(
-    "--payload", type=NOT_NEGATIVE, metavar="KG", help="Only arms that carry this much [kg]."
-)
+@option("--reach", kind=NOT_NEGATIVE, metavar="MM", help="Only arms that reach this far [mm].")
+@option("--payload", kind=NOT_NEGATIVE, metavar="KG", help="Only arms that carry this much [kg].")
 @standard_options
 def command(
     session: Session, /, name: str | None, reach: float | None, payload: float | None

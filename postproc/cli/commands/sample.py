@@ -14,6 +14,7 @@ from postproc.cli.common import (
     NumberRange,
     Session,
     answer,
+    option,
     read_cam,
     reading,
     reading_options,
@@ -37,101 +38,80 @@ def _angles(context: click.Context, parameter: click.Parameter, text: str) -> li
 @click.command(epilog=EPILOG)
 @CELL
 @TOOL
-@click.option(
+@option(
     "--box",
     required=True,
     nargs=6,
-    type=NUMBER,
+    kind=NUMBER,
     metavar="X0 Y0 Z0 X1 Y1 Z1",
     help="Lowest and highest corner of the measured space, robot root frame [mm].",
 )
-@click.option("--grid", type=NUMBER, default=150.0, show_default=True, help="Edge of a cell [mm].")
-@click.option("-o", "--output", required=True, metavar="DIR", help="Folder of the plan.")
-@click.option("--name", default="sample", show_default=True, help="Name of the files.")
-@click.option(
+@option("--grid", kind=NUMBER, default=150.0, help="Edge of a cell [mm].")
+@option("-o", "--output", required=True, metavar="DIR", help="Folder of the plan.")
+@option("--name", default="sample", help="Name of the files.")
+@option(
     "--method",
-    type=click.Choice(["grid", "optimal"]),
+    kind=("grid", "optimal"),
     default="grid",
-    show_default=True,
     help="Every posture of the grid, or the --count most informative ones.",
 )
-@click.option(
+@option(
     "--model",
-    type=click.Choice(["constant", "grid", "continuous"]),
+    kind=("constant", "grid", "continuous"),
     default="continuous",
-    show_default=True,
     help="Model that --method optimal plans for.",
 )
-@click.option(
-    "--count", type=click.IntRange(3, 5000), default=64, show_default=True, help="Postures."
-)
-@click.option(
+@option("--count", kind=click.IntRange(3, 5000), default=64, help="Postures.")
+@option(
     "--for-diagnosis",
     is_flag=True,
     help="Plan --count postures for diagnose instead, and say what they can show.",
 )
-@click.option(
+@option(
     "--for",
     "part",
     metavar="INPUT",
     help="CAM file of the job that it is for: as --for-diagnosis, little is left at its tags.",
 )
-@click.option(
+@option(
     "--axis",
-    type=click.Choice(["x", "y", "z"]),
+    kind=("x", "y", "z"),
     default="y",
-    show_default=True,
     help="Axis of the tool frame about which the postures turn.",
 )
-@click.option(
+@option(
     "--angles",
     default="-10,0,10",
-    show_default=True,
     metavar="DEG,DEG,...",
     callback=_angles,
     help="Angles of the postures.",
 )
-@click.option(
+@option(
     "--orientation",
     nargs=3,
-    type=NUMBER,
-    default=None,
+    kind=NUMBER,
     metavar="A B C",
     help="Tool orientation at angle 0 [deg]; default: the axis-parallel one that reaches most.",
 )
-@click.option(
-    "--load-kg",
-    type=NUMBER,
-    default=None,
-    help="Weight to hang on [kg]; default 50 without --force.",
-)
-@click.option(
+@option("--load-kg", kind=NUMBER, help="Weight to hang on [kg]; default 50 without --force.")
+@option(
     "--load-at",
     nargs=3,
-    type=NUMBER,
-    default=None,
+    kind=NUMBER,
     metavar="X Y Z",
     help="Centre of gravity of that weight in the flange [mm]; default: the tool point.",
 )
-@click.option(
+@option(
     "--force",
     nargs=3,
-    type=NUMBER,
+    kind=NUMBER,
     multiple=True,
     metavar="FX FY FZ",
     help="Further load: force at the tool point, axes of the robot root [N]; may be repeated.",
 )
-@click.option(
-    "--wait",
-    type=NumberRange(0.0, 3600.0),
-    default=5.0,
-    show_default=True,
-    help="Wait at a posture [s].",
-)
-@click.option("--halt", is_flag=True, help="Wait for the operator at each posture instead.")
-@click.option(
-    "--speed", type=NumberRange(1.0, 100.0), default=30.0, show_default=True, help="Axis speed [%]."
-)
+@option("--wait", kind=NumberRange(0.0, 3600.0), default=5.0, help="Wait at a posture [s].")
+@option("--halt", is_flag=True, help="Wait for the operator at each posture instead.")
+@option("--speed", kind=NumberRange(1.0, 100.0), default=30.0, help="Axis speed [%].")
 @reading_options
 @standard_options
 def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names

@@ -11,6 +11,7 @@ from postproc.cli.common import (
     NumberRange,
     Session,
     answer,
+    option,
     read_cam,
     reading_options,
     standard_options,
@@ -26,13 +27,11 @@ Examples:
 @click.command(epilog=EPILOG)
 @click.argument("source", metavar="INPUT")
 @CELL
-@click.option("-o", "--output", metavar="FILE.html", help="Write a page with the curves.")
-@click.option("--model", metavar="MODEL.toml", help="Joint stiffness of this model.")
-@click.option("--tags", metavar="NAME,NAME,...", help="Names of tags; default: the key tags.")
-@click.option(
-    "--most", type=click.IntRange(1, 500), default=24, show_default=True, help="Key tags shown."
-)
-@click.option("--step", type=NumberRange(0.1, 90.0), help="Step [deg]; default: the cell's.")
+@option("-o", "--output", metavar="FILE.html", help="Write a page with the curves.")
+@option("--model", metavar="MODEL.toml", help="Joint stiffness of this model.")
+@option("--tags", metavar="NAME,NAME,...", help="Names of tags; default: the key tags.")
+@option("--most", kind=click.IntRange(1, 500), default=24, help="Key tags shown.")
+@option("--step", kind=NumberRange(0.1, 90.0), help="Step [deg]; default: the cell's.")
 @reading_options
 @standard_options
 def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from postproc.cli.common import Session, standard_options
+from postproc.cli.common import Session, option, standard_options
 from postproc.errors import ExitCode, SourceRef, UsageError
 
 EPILOG = """\b
@@ -23,8 +23,14 @@ _NEEDED = ("starlette", "uvicorn")
 @click.command(epilog=EPILOG)
 @click.argument("cell", metavar="CELL.toml")
 @click.argument("source", metavar="[INPUT]", required=False)
-@click.option("--port", type=click.IntRange(0, 65535), default=0, help="Default: a free one.")
-@click.option("--no-browser", is_flag=True, help="Only print the address.")
+@option(
+    "--port",
+    kind=click.IntRange(0, 65535),
+    default=0,
+    help="Default: a free one.",
+    show_default=False,
+)
+@option("--no-browser", is_flag=True, help="Only print the address.")
 @standard_options
 def command(session: Session, /, cell: str, source: str | None, port: int, no_browser: bool) -> int:
     """Open a workbench: see a job, pin spins, move the part, save what CONVERT takes.

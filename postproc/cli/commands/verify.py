@@ -13,6 +13,7 @@ from postproc.cli.common import (
     POSITIVE,
     Session,
     answer,
+    option,
     read_cam,
     reading_options,
     standard_options,
@@ -36,32 +37,20 @@ Examples:
 @click.command(epilog=EPILOG)
 @click.argument("program", metavar="PROGRAM.src", type=click.Path())
 @CELL
-@click.option("--against", metavar="INPUT", help="The CAM file that the program was made from.")
+@option("--against", metavar="INPUT", help="The CAM file that the program was made from.")
 @reading_options
-@click.option(
-    "--tol-mm",
-    default=0.01,
-    show_default=True,
-    type=POSITIVE,
-    help="How far a point may be off the CAM file.",
+@option("--tol-mm", default=0.01, kind=POSITIVE, help="How far a point may be off the CAM file.")
+@option(
+    "--tol-deg", default=0.005, kind=POSITIVE, help="How far the tool axis may be off the CAM file."
 )
-@click.option(
-    "--tol-deg",
-    default=0.005,
-    show_default=True,
-    type=POSITIVE,
-    help="How far the tool axis may be off the CAM file.",
-)
-@click.option(
+@option(
     "--model",
     metavar="MODEL.toml",
     help="Model of the arm: judge where the real, loaded tool lands (needs --against).",
 )
-@click.option("--no-collisions", is_flag=True, help="Do not search for collisions.")
-@click.option("--report", metavar="FILE.html", help="Write a page that shows the run.")
-@click.option(
-    "--path", metavar="FILE.csv|.json", help="Write the simulated path, one row for each step."
-)
+@option("--no-collisions", is_flag=True, help="Do not search for collisions.")
+@option("--report", metavar="FILE.html", help="Write a page that shows the run.")
+@option("--path", metavar="FILE.csv|.json", help="Write the simulated path, one row for each step.")
 @standard_options
 def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
     """Verify a KRL program from its text, with the sub-programs beside it.
