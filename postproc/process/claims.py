@@ -11,7 +11,7 @@ wins: then the points stay as they are written, and the base lies where the cell
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field, replace
 
 import numpy as np
@@ -108,6 +108,55 @@ def bases_named(names: Sequence[str], cell: Cell) -> IntArray:
     return np.array([table.get(k, UNCLAIMED) if k else nobody for k in keys], dtype=np.int32)
 
 
+@dataclass(frozen=True, slots=True)
+class _Calls:
+    """What a file calls, tools or setups, beside the entries of a cell that can be meant.
+
+    ``column`` (n,): which call each tag follows, -1 for none; ``names`` of each call; ``code`` of
+    what is wrong; ``what``, ``word``: a call and an entry in words.
+    """
+
+    column: IntArray
+    calls: Sequence[CamTool | CamSetup]
+    names: tuple[tuple[str, ...], ...]
+    entries: Sequence[Tool | Workpiece]
+    code: str
+    what: str
+    word: str
+
+    @classmethod
+    def of_tools(cls, toolpath: ToolPath, cell: Cell) -> _Calls:
+        """Return the tools that a file calls."""
+        names = [
+            tuple(filter(None, (tool.name, str(tool.number) if tool.number > 0 else "")))
+            for tool in toolpath.tools
+        ]
+        column = np.asarray(toolpath.tool)
+        return cls(column, toolpath.tools, tuple(names), cell.tools, "WRD002", "tool", "tool")
+
+    @classmethod
+    def of_setups(cls, toolpath: ToolPath, cell: Cell) -> _Calls:
+        """Return the setups that a file names."""
+        names = tuple((setup.name, *setup.aliases) for setup in toolpath.setups)
+        column = toolpath.setup_of_tags
+        return cls(column, toolpath.setups, names, cell.bases, "WRD020", "setup", "base")
+
+    @property
+    def used(self) -> list[int]:
+        """The calls that some tag follows."""
+        return list(map(int, np.unique(self.column[self.column >= 0])))
+
+    @property
+    def is_single(self) -> bool:
+        """Whether a file that never changes is served by the only entry, whatever it calls."""
+        return len(self.entries) == 1 and len(self.used) < 2
+
+    def served(self, entry: Mapping[int, int], nobody: int) -> IntArray:
+        """Return the entries (n,) of tags; those of no call have ``nobody``."""
+        table = [entry.get(index, UNCLAIMED) for index in range(len(self.calls))]
+        return np.maximum([*table, nobody], UNCLAIMED)[self.column].astype(np.int32)
+
+
 @dataclass(slots=True)
 class _Sorter:
     """Finds the entries for one toolpath; collects the findings on the way."""
@@ -120,66 +169,93 @@ class _Sorter:
     at_home: set[int] = field(default_factory=set)
     """Setups that an entry claims."""
 
-    # ----------------------------------------------------------------------------------- tools
-
     def tools(self) -> IntArray:
         """Return the tool (n,) of each tag."""
-        toolpath, cell = self.toolpath, self.cell
-        column = np.asarray(toolpath.tool)
-        called = np.unique(column[column >= 0]).tolist()
-        entry = {index: self._tool_of(toolpath.tools[index]) for index in called}
-        if len(cell.tools) == 1 and len(called) < 2:
-            entry = dict.fromkeys(called, 0)
-        for index in called:
-            if entry[index] == UNCLAIMED:
-                self._unclaimed_tool(index)
-            elif entry[index] >= 0:
-                self._compare_diameter(toolpath.tools[index], cell.tools[entry[index]])
-        self._tell_alike({index: entry[index] for index in called if entry[index] >= 0})
-        nobody = self._nobody(column, called)
-        table = np.array([entry.get(index, UNCLAIMED) for index in range(len(toolpath.tools))])
-        return _taken(table, column, nobody)
+        calls = _Calls.of_tools(self.toolpath, self.cell)
+        entry = self._entries(calls)
+        if calls.is_single:
+            entry = dict.fromkeys(calls.used, 0)
+        for index, place in entry.items():
+            tool = self.toolpath.tools[index]
+            if place == UNCLAIMED:
+                subject = f"{tool_words(tool)}, called in line {tool.line},"
+                self._unclaimed(calls, index, subject, tool.name or str(tool.number))
+            elif place >= 0:
+                self._compare_diameter(tool, self.cell.tools[place])
+        self._tell_alike({index: place for index, place in entry.items() if place >= 0})
+        nobody = 0
+        if not calls.is_single:
+            start, hint = "no tool is called before", "let the file name the tool of every motion"
+            nobody = self._silent(calls, start, hint)
+        return calls.served(entry, nobody)
 
-    def _tool_of(self, tool: CamTool) -> int:
-        names = [tool.name] if tool.name else []
-        names += [str(tool.number)] if tool.number > 0 else []
-        return self._entry(names, self.cell.tools, "WRD021", "tool", tool.line)
+    def bases(self) -> IntArray:
+        """Return the base (n,) of each tag, and remember where its points have to go."""
+        calls, setups = _Calls.of_setups(self.toolpath, self.cell), self.toolpath.setups
+        entry = self._entries(calls)
+        self.at_home = {index for index, place in entry.items() if place >= 0}
+        for index in self.at_home:
+            self._map(index, _moved_back(setups[index]))
+        rest = [index for index, place in entry.items() if place == UNCLAIMED]
+        if calls.is_single:
+            entry, rest = dict.fromkeys(calls.used, 0), []
+        home, T_home_part = self._part_base(entry)
+        for index in rest:
+            if home >= 0 and setups[index].matrix is not None:
+                entry[index] = home
+                self._map(index, T_home_part)
+            else:
+                name = setups[index].name
+                self._unclaimed(calls, index, f"setup {name}, line {setups[index].line},", name)
+        if home >= 0 and (calls.column < 0).any():
+            self._map(UNCLAIMED, T_home_part)
+        elif home < 0:
+            hint = "leave cam out of the one base that holds the coordinates of the part"
+            self._silent(calls, "no setup is named for", hint)
+        return calls.served(entry, home)
 
-    def _nobody(self, column: IntArray, called: list[int]) -> int:
-        """Return the tool of tags before the first call: the only one there can be, or none."""
-        rows = np.flatnonzero(column < 0)
-        if not len(rows) or (len(self.cell.tools) == 1 and len(called) < 2):
-            return 0
-        message = (
-            f"no tool is called before {self._lines(rows)}, and the cell has "
-            f"{len(self.cell.tools)} tools"
-        )
-        self._error("WRD002", message, int(rows[0]), "let the file name the tool of every motion")
-        return UNCLAIMED
+    def _entries(self, calls: _Calls) -> dict[int, int]:
+        """Return the entry that claims each call; an error, and below ``UNCLAIMED``, if two do."""
+        entry = {}
+        for index in calls.used:
+            keys = set(map(cam_key, calls.names[index]))
+            found = [k for k, each in enumerate(calls.entries) if keys & set(each.cam)]
+            entry[index] = found[0] if found else UNCLAIMED
+            if len(found) > 1:
+                entry[index] = UNCLAIMED - 1
+                numbers = " and ".join(str(calls.entries[k].number) for k in found)
+                names = " ".join(calls.names[index])
+                text = f"{calls.what} {names} is listed in cam of both {numbers}"
+                source = SourceRef(self.toolpath.path, calls.calls[index].line)
+                self.findings.append(Finding(Severity.ERROR, "WRD021", text, source=source))
+        return entry
 
-    def _unclaimed_tool(self, index: int) -> None:
-        toolpath, tool = self.toolpath, self.toolpath.tools[index]
-        rows = np.flatnonzero(np.asarray(toolpath.tool) == index)
-        name = tool_words(tool)
-        key = tool.name or str(tool.number)
+    def _unclaimed(self, calls: _Calls, index: int, subject: str, key: str) -> None:
+        rows = np.flatnonzero(calls.column == index)
         self._error(
-            "WRD002",
-            f"{name}, called in line {tool.line}, is no tool of the cell: {self._lines(rows)}",
+            calls.code,
+            f"{subject} is no {calls.word} of the cell: {self._lines(rows)}",
             int(rows[0]),
-            f'add to the [[tools]] entry that it is: cam = ["{key}"]; inspect prints the table',
+            f'add to the [[{calls.word}s]] entry that it is: cam = ["{key}"]; '
+            "inspect prints the table",
         )
+
+    def _silent(self, calls: _Calls, start: str, hint: str) -> int:
+        """Refuse tags of no call, where there are any; several entries may be meant."""
+        rows = np.flatnonzero(calls.column < 0)
+        if len(rows):
+            count = len(calls.entries)
+            text = f"{start} {self._lines(rows)}, and the cell has {count} {calls.word}s"
+            self._error(calls.code, text, int(rows[0]), hint)
+        return UNCLAIMED
 
     def _compare_diameter(self, tool: CamTool, entry: Tool) -> None:
         if abs(tool.diameter - entry.diameter) > _SAME_DIAMETER:
-            self.findings.append(
-                Finding(
-                    Severity.WARNING,
-                    "WRD022",
-                    f"{tool_words(tool)} has another diameter than the cutter of tool "
-                    f"{entry.number} {entry.name} in the cell, {entry.diameter / MM:g} mm",
-                    source=SourceRef(self.toolpath.path, tool.line),
-                )
+            text = (
+                f"{tool_words(tool)} has another diameter than the cutter of tool "
+                f"{entry.number} {entry.name} in the cell, {entry.diameter / MM:g} mm"
             )
+            self._warn("WRD022", text, tool)
 
     def _tell_alike(self, entry: dict[int, int]) -> None:
         """Warn of CAM tools that differ by the file itself and are taken for one tool."""
@@ -187,49 +263,16 @@ class _Sorter:
         first: dict[int, int] = {}
         for index, place in entry.items():
             one, two = tools[first.setdefault(place, index)], tools[index]
-            if not _differ(one, two):
-                continue
-            served = self.cell.tools[place]
-            self.findings.append(
-                Finding(
-                    Severity.WARNING,
-                    "WRD024",
-                    f"{tool_words(one)} and {tool_words(two)} are both taken for tool "
-                    f"{served.number} {served.name}".rstrip(),
-                    source=SourceRef(self.toolpath.path, two.line),
-                    hint="if they are two tools, list each by name in cam, not by number",
-                )
-            )
+            if _differ(one, two):
+                served = self.cell.tools[place]
+                text = f"{tool_words(one)} and {tool_words(two)} are both taken for tool "
+                text += f"{served.number} {served.name}".rstrip()
+                hint = "if they are two tools, list each by name in cam, not by number"
+                self._warn("WRD024", text, two, hint)
 
-    # ----------------------------------------------------------------------------------- bases
-
-    def bases(self) -> IntArray:
-        """Return the base (n,) of each tag, and remember where its points have to go."""
-        toolpath, cell = self.toolpath, self.cell
-        column = toolpath.setup_of_tags
-        called = np.unique(column[column >= 0]).tolist()
-        entry = {index: self._base_of(toolpath.setups[index]) for index in called}
-        self.at_home = {index for index in called if entry[index] >= 0}
-        for index in self.at_home:
-            self._map(index, _moved_back(toolpath.setups[index]))
-        rest = [index for index in called if entry[index] == UNCLAIMED]
-        if len(cell.bases) == 1 and len(called) < 2:
-            entry = dict.fromkeys(called, 0)
-            rest = []
-        home, T_home_part = self._part_base(entry)
-        for index in rest:
-            if home >= 0 and self._is_placed(index):
-                entry[index] = home
-                self._map(index, T_home_part)
-            else:
-                self._unclaimed_base(index)
-        nobody = self._nowhere(column, home, T_home_part)
-        table = np.array([entry.get(index, UNCLAIMED) for index in range(len(toolpath.setups))])
-        return _taken(table, column, nobody)
-
-    def _base_of(self, setup: CamSetup) -> int:
-        names = [setup.name, *setup.aliases]
-        return self._entry(names, self.cell.bases, "WRD021", "setup", setup.line)
+    def _warn(self, code: str, text: str, tool: CamTool, hint: str = "") -> None:
+        source = SourceRef(self.toolpath.path, tool.line)
+        self.findings.append(Finding(Severity.WARNING, code, text, source=source, hint=hint))
 
     def _part_base(self, entry: dict[int, int]) -> tuple[int, FloatArray]:
         """Return the base in which the coordinates of the part are known, and T_base_part.
@@ -248,41 +291,9 @@ class _Sorter:
         same = all(np.allclose(T, known[0][1], atol=1e-9) for _, T in known)
         return known[0] if same else (UNCLAIMED, np.eye(4))
 
-    def _is_placed(self, index: int) -> bool:
-        return self.toolpath.setups[index].matrix is not None
-
-    def _nowhere(self, column: IntArray, home: int, T_home_part: FloatArray) -> int:
-        """Return the base of tags without a setup: that of the part, or none."""
-        rows = np.flatnonzero(column < 0)
-        if not len(rows):
-            return UNCLAIMED
-        if home >= 0:
-            self._map(UNCLAIMED, T_home_part)
-            return home
-        message = (
-            f"no setup is named for {self._lines(rows)}, and the cell has "
-            f"{len(self.cell.bases)} bases"
-        )
-        hint = "leave cam out of the one base that holds the coordinates of the part"
-        self._error("WRD020", message, int(rows[0]), hint)
-        return UNCLAIMED
-
-    def _unclaimed_base(self, index: int) -> None:
-        setup = self.toolpath.setups[index]
-        rows = np.flatnonzero(self.toolpath.setup_of_tags == index)
-        self._error(
-            "WRD020",
-            f"setup {setup.name}, line {setup.line}, is no base of the cell: {self._lines(rows)}",
-            int(rows[0]),
-            f'add to the [[bases]] entry that it is: cam = ["{setup.name}"]; '
-            "inspect prints the table",
-        )
-
     def _map(self, index: int, T: FloatArray) -> None:
         if not np.array_equal(T, np.eye(4)):
             self.maps[index] = T
-
-    # --------------------------------------------------------------------------------- the path
 
     def served(self, tool: IntArray) -> ToolPath:
         """Return the toolpath with points and axes in the base of each tag."""
@@ -341,27 +352,6 @@ class _Sorter:
             if left:
                 yield replace(use, lines=left)
 
-    # ------------------------------------------------------------------------------------- text
-
-    def _entry(
-        self,
-        names: Sequence[str],
-        entries: Sequence[Tool | Workpiece],
-        code: str,
-        what: str,
-        line: int,
-    ) -> int:
-        """Return the entry that claims one of the names; an error if two do."""
-        keys = {cam_key(name) for name in names}
-        found = [index for index, entry in enumerate(entries) if keys & set(entry.cam)]
-        if len(found) > 1:
-            numbers = " and ".join(str(entries[index].number) for index in found)
-            message = f"{what} {' '.join(names)} is listed in cam of both {numbers}"
-            source = SourceRef(self.toolpath.path, line)
-            self.findings.append(Finding(Severity.ERROR, code, message, source=source))
-            return UNCLAIMED - 1
-        return found[0] if found else UNCLAIMED
-
     def _error(self, code: str, message: str, tag: int, hint: str) -> None:
         source = self.toolpath.source(tag)
         self.findings.append(Finding(Severity.ERROR, code, message, tag, source, hint=hint))
@@ -412,12 +402,6 @@ def _differ(one: CamTool, two: CamTool) -> bool:
 def _called_by(tool: Tool) -> float:
     """Return the number by which CAM files call a tool, else that of the controller."""
     return float(next((key for key in tool.cam if key.isdecimal()), tool.number))
-
-
-def _taken(table: IntArray, column: IntArray, nobody: int) -> IntArray:
-    """Return the entries (n,) of tags; those of no call have ``nobody``."""
-    entries = np.maximum(np.append(table, nobody), UNCLAIMED)
-    return np.asarray(entries[column], dtype=np.int32)
 
 
 def _moved_back(setup: CamSetup) -> FloatArray:
