@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import difflib
-from typing import get_args
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from postproc.cell.schema import CellFile
+from postproc.cell.schema import CellFile, tables_in
 from postproc.errors import CellError
 from postproc.toml import Location, TomlText
 
@@ -76,15 +75,9 @@ def _known_keys(location: Location) -> set[str]:
     for part in location:
         names = {field.alias or name: field for name, field in table.model_fields.items()}
         field = names.get(str(part))
-        inner = _tables_in(field.annotation) if field else []
+        inner = tables_in(field.annotation) if field else []
         table = inner[0] if inner else table
     return {field.alias or name for name, field in table.model_fields.items()}
-
-
-def _tables_in(annotation: object) -> list[type[BaseModel]]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [annotation]
-    return [table for inner in get_args(annotation) for table in _tables_in(inner)]
 
 
 def dotted(location: Location) -> str:

@@ -15,7 +15,7 @@ from postproc.cell.cell import Cell, MeshPlacement, Tool
 from postproc.cell.file import CUTTER, cell_toml, cutter_solid, parse_cell
 from postproc.errors import CellError, SourceRef
 from postproc.files import read_bytes
-from postproc.geometry import AXES, kuka_from_transform
+from postproc.geometry import axis_name, kuka_from_transform
 from postproc.toml import Location, edited
 from postproc.units import DEG, MM
 
@@ -95,9 +95,7 @@ def _values(cell: Cell, tables: Mapping[str, Any]) -> dict[Location, object]:
     for k, tool in enumerate(cell.tools):
         at = ("tools", k) if "tools" in tables else ("tool",)
         found[*at, "frame"] = frame_document(tool.T_flange_tcp)
-        found[*at, "axis"] = next(
-            (n for n, v in AXES.items() if (np.asarray(v) == tool.known_axis).all()), None
-        )
+        found[*at, "axis"] = None if tool.known_axis is None else axis_name(tool.known_axis)
         found |= _solids((*at, "meshes"), tool.meshes)
         for solid in tool.meshes:
             if _is_cutter(tool, solid):  # its place follows tip and axis

@@ -12,7 +12,7 @@ from annotated_types import Ge, Gt, Le, MaxLen, MinLen
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from postproc.cell.schema import CellFile
+from postproc.cell.schema import CellFile, tables_in
 
 _WORDS = {float: "number", int: "whole number", str: "text", bool: "true or false"}
 _HEAD = """# cell.toml
@@ -39,25 +39,17 @@ def _tables(
 ) -> Iterator[tuple[str, type[BaseModel], bool]]:
     """Yield dotted name, class and whether it is a list, for each table that has own keys."""
     for key, field in table.model_fields.items():
-        inner = _inner_table(field.annotation)
-        if inner is not None:
+        for inner in tables_in(field.annotation):
             is_list = "list" in _type_words(field.annotation, ())
             here = (*path, field.alias or key)
             yield ".".join(here), inner, is_list
             yield from _tables(inner, here)
 
 
-def _inner_table(annotation: object) -> type[BaseModel] | None:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    found = (_inner_table(argument) for argument in get_args(annotation))
-    return next((table for table in found if table is not None), None)
-
-
 def _rows(table: type[BaseModel], *, of_tables: bool) -> list[str]:
     lines = ["| key | type | default | meaning |", "|---|---|---|---|"]
     for name, field in table.model_fields.items():
-        if not of_tables and _inner_table(field.annotation) is not None:
+        if not of_tables and tables_in(field.annotation):
             continue
         key = field.alias or name
         words = _type_words(field.annotation, field.metadata)
@@ -70,7 +62,7 @@ def _default(field: FieldInfo) -> str:
     if field.is_required():
         return "required"
     value = field.default
-    is_table = value == {} and _inner_table(field.annotation) is not None
+    is_table = value == {} and bool(tables_in(field.annotation))
     if value is None or is_table or isinstance(value, BaseModel) or value == []:
         return ""
     return f"`{json.dumps(value)}`"

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
-from types import NoneType
-from typing import Any, get_args
+from typing import Any
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from postproc.cell.schema import CellFile, Placement
+from postproc.cell.schema import CellFile, Placement, tables_in
 from postproc.toml import toml_value
 
 Values = Mapping[str, Any]
@@ -37,7 +36,7 @@ def cell_text(values: Values, remarks: Mapping[str, Sequence[str]] | None = None
     lines = [*_comments(said.get("", ())), 'schema = "postproc.cell/1"']
     lines += _keys({"name": CellFile.model_fields["name"]}, values)
     for key, field in CellFile.model_fields.items():
-        kind = _table_of(field)
+        kind = next(iter(tables_in(field.annotation)), None)
         name = field.alias or key
         other = next((short for short, long in _LONG_FORM.items() if long == name), "")
         if kind is None or values.get(_LONG_FORM.get(name, "")) or (other and not values.get(name)):
@@ -93,7 +92,7 @@ def _table(
     inner: dict[str, tuple[type[BaseModel], FieldInfo]] = {}
     plain: dict[str, FieldInfo] = {}
     for key, entry in kind.model_fields.items():
-        table = _table_of(entry)
+        table = next(iter(tables_in(entry.annotation)), None)
         if table is None or issubclass(table, Placement) or entry.default in ([], None):
             plain[key] = entry
         else:
@@ -120,14 +119,3 @@ def _keys(fields: Mapping[str, FieldInfo], values: Values) -> Iterator[str]:
                 str(field.description), _WIDTH, initial_indent="# ", subsequent_indent="# "
             )
             yield line
-
-
-def _table_of(field: FieldInfo) -> type[BaseModel] | None:
-    """Return the class of a field that is a table or a list of tables."""
-    waiting: list[Any] = [field.annotation]
-    while waiting:
-        current = waiting.pop()
-        if isinstance(current, type) and issubclass(current, BaseModel):
-            return current
-        waiting.extend(part for part in get_args(current) if part is not NoneType)
-    return None

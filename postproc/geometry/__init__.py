@@ -16,6 +16,7 @@ from postproc.geometry.frames import (
     angle_between,
     apply,
     axis_angle,
+    axis_name,
     inverse,
     kuka_from_transform,
     orthonormalised,

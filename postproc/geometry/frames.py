@@ -19,6 +19,13 @@ AXES = {
     for sign, direction in (("+", 1.0), ("-", -1.0))
 }
 """Axes of a frame by sign and name, each a unit vector (3,)."""
+
+
+def axis_name(direction: FloatArray) -> str:
+    """Return the name of the axis of ``AXES`` nearest to a direction (3,)."""
+    return max(AXES, key=lambda name: float(AXES[name] @ direction))
+
+
 _HALF_TURN_BACK = -np.pi + 1e-9
 """An angle [rad] below this is half a turn but for the last digits of its rotation."""
 

@@ -16,7 +16,7 @@ from postproc.geometry import inverse
 from postproc.kinematics import Kinematics, build
 from postproc.model import WORKING, ToolPath
 from postproc.process import claimed
-from postproc.toml import Location, TomlText
+from postproc.toml import TomlText
 from postproc.units import DEG, MM
 
 _SAME_ZERO_DEG = 0.1
@@ -35,22 +35,22 @@ def arm_doubts(
     robot = cell.robot
     if "geometry" in robot.doubts:
         text = f"lengths of {robot.name} in doubt: {robot.doubts['geometry']}"
-        yield _finding(toml(), Severity.WARNING, "CEL140", text, "robot")
+        yield finding_at(toml(), Severity.WARNING, "CEL140", text, "robot")
     elif (lengths := robot.origins.get("geometry")) and lengths.trust == "C":
         text = f"the lengths of {robot.name} rest on one source alone: {lengths.source}"
-        yield _finding(toml(), Severity.WARNING, "CEL141", text, "robot")
+        yield finding_at(toml(), Severity.WARNING, "CEL141", text, "robot")
     arm = kinematics.arm
     if isinstance(robot.geometry, UrdfGeometry) and arm is not None:
         against = [f"A{i + 1}" for i in np.flatnonzero(_against_kuka(arm.geometry))]
         if against:
             text = f"{', '.join(against)} of this URDF do not turn or count as on a KUKA controller"
-            yield _finding(toml(), Severity.WARNING, "CEL143", text, "robot", "urdf")
+            yield finding_at(toml(), Severity.WARNING, "CEL143", text, "robot", "urdf")
     for index, tool in enumerate(cell.tools):
         if tool.mass > robot.payload:
             at = ("tools", index) if "tools" in toml().data else ("tool",)
             name = f"tool {tool.number} {tool.name}".strip() + ": " if len(cell.tools) > 1 else ""
             text = f"the tool weighs {tool.mass:g} kg, the robot carries {robot.payload:g} kg"
-            yield _finding(toml(), Severity.ERROR, "CEL103", name + text, *at, "mass_kg")
+            yield finding_at(toml(), Severity.ERROR, "CEL103", name + text, *at, "mass_kg")
 
 
 def warned_doubts(cell: Cell) -> tuple[Finding, ...]:
@@ -59,11 +59,11 @@ def warned_doubts(cell: Cell) -> tuple[Finding, ...]:
     return tuple(replace(finding, severity=Severity.WARNING) for finding in found)
 
 
-def _finding(
+def finding_at(
     toml: TomlText, severity: Severity, code: str, message: str, *at: str | int
 ) -> Finding:
-    location: Location = at
-    source = toml.source(location)
+    """Return a finding that points at a key of the cell file."""
+    source = toml.source(at)
     return Finding(severity, code, message, source=SourceRef(source.path, source.line))
 
 

@@ -23,14 +23,22 @@ from postproc.cell import (
 from postproc.collision import OUTLINE_SHARES, Scene, is_measured
 from postproc.emitters import emitter_of
 from postproc.errors import CellError, EmitError, Finding, Severity, SourceRef
-from postproc.geometry import AXES, across, inverse, kuka_from_transform, rotation_about, transform
-from postproc.jobs.arm_doubts import arm_doubts, size_findings
+from postproc.geometry import (
+    AXES,
+    across,
+    axis_name,
+    inverse,
+    kuka_from_transform,
+    rotation_about,
+    transform,
+)
+from postproc.jobs.arm_doubts import arm_doubts, finding_at, size_findings
 from postproc.jobs.given import Source, cell_of
 from postproc.jobs.paged import Paged
 from postproc.kinematics import Kinematics, build, is_coaxial_with_axis_6, wrist_distance
 from postproc.planning import free_posture, settle
 from postproc.records import dataclass
-from postproc.toml import Location, TomlText
+from postproc.toml import TomlText
 from postproc.units import DEG, MM, NMM_PER_RAD
 
 _SOFTEST_USUAL = 1e4
@@ -158,9 +166,7 @@ class _Context:
 
     def finding(self, severity: Severity, code: str, message: str, *at: str | int) -> Finding:
         """Return a finding that points at a key of the file."""
-        location: Location = at
-        source = self.toml.source(location)
-        return Finding(severity, code, message, source=SourceRef(source.path, source.line))
+        return finding_at(self.toml, severity, code, message, *at)
 
     def tools(self) -> Iterator[tuple[Tool, tuple[str | int, ...], str]]:
         """Yield every tool, where the file has it, and its name where there are several."""
@@ -462,7 +468,7 @@ def _tool_facts(tool: Tool) -> dict[str, Any]:
         "name": tool.name,
         "xyz_mm": _rounded(xyz),
         "abc_deg": _rounded(abc),
-        "axis": _axis_name(tool.known_axis),
+        "axis": None if tool.known_axis is None else axis_name(tool.known_axis),
         "mass_kg": None if np.isnan(tool.mass) else tool.mass,
         "solids": len(tool.meshes),
         "cam": list(tool.cam),
@@ -484,10 +490,3 @@ def _base_facts(base: Workpiece, reachable: Sequence[str]) -> dict[str, Any]:
 
 def _rounded(values: FloatArray) -> list[float]:
     return [round(float(value), 6) + 0.0 for value in values]
-
-
-def _axis_name(axis: FloatArray | None) -> str | None:
-    if axis is None:
-        return None
-    place = int(np.argmax(np.abs(axis)))
-    return f"{'+' if axis[place] > 0 else '-'}{'xyz'[place]}"

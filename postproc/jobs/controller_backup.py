@@ -7,7 +7,8 @@ from typing import Any
 
 from postproc.backup import BackupComparison, compare, read_backup
 from postproc.cell import Cell, cell_toml
-from postproc.errors import Finding, Severity, SourceRef
+from postproc.errors import Finding, Severity
+from postproc.jobs.arm_doubts import finding_at
 
 
 def compare_backup(cell: Cell, path: str | Path) -> tuple[BackupComparison, tuple[Finding, ...]]:
@@ -20,16 +21,15 @@ def compare_backup(cell: Cell, path: str | Path) -> tuple[BackupComparison, tupl
     toml = cell_toml(cell)
     findings = []
     for difference in comparison.differences:
-        source = toml.source(_as_written(difference.at, toml.data))
-        place = SourceRef(source.path, source.line)
-        how = difference.severity
+        how, at = difference.severity, _as_written(difference.at, toml.data)
         is_error, is_warning = how is Severity.ERROR, how is Severity.WARNING
         findings.append(
-            Finding(
+            finding_at(
+                toml,
                 how,
                 "BAK101" if is_error else "BAK102" if is_warning else "BAK103",
                 difference.text,
-                source=place,
+                *at,
             )
         )
     return comparison, tuple(findings)

@@ -10,7 +10,7 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.cell import Cell, MeshPlacement, frame_document, load_robot, refitted, robot_names
 from postproc.collision import solid as solid_of
-from postproc.geometry import AXES, apply, rotation_x, rotation_y, rotation_z, transform
+from postproc.geometry import AXES, apply, axis_name, rotation_x, rotation_y, rotation_z, transform
 from postproc.planning import Reach
 from postproc.records import dataclass
 from postproc.units import DEG, MM, SINGLE
@@ -71,6 +71,17 @@ def without(things: Sequence[Obstacle], cell: Cell) -> Cell:
 def once(blame: str, there: Cell, words: str, amount: float | None = None, unit: str = "") -> Cure:
     """Return a change that is made or not."""
     return Cure(blame, 1.0, lambda _: there, lambda _: words, unit, amount=lambda _: amount)
+
+
+def shift(
+    blame: str,
+    most: float,
+    at: Callable[[float], Cell],
+    words: Callable[[float], str],
+    can: Callable[[float], bool] = lambda by: True,
+) -> Cure:
+    """Return a change by a length of up to ``most`` [m], told in mm."""
+    return Cure(blame, most, at, words, "mm", SHORTEST, lambda by: by / MM, can)
 
 
 # ---- rules ---------------------------------------------------------------------------------------
@@ -275,17 +286,10 @@ def _moved_solid(
         T[:3, 3] += by * way
         return _swapped(cell, solid, replace(solid, T_owner_mesh=T))
 
-    words = f"along {way_of(way)} of {frame}"
-    return Cure(
-        blame,
-        LONGEST / 4.0,
-        at,
-        lambda by: f"move {name} {by / MM:g} mm {words}",
-        "mm",
-        SHORTEST,
-        lambda by: by / MM,
-        lambda by: can(by * way),
-    )
+    def words(by: float) -> str:
+        return f"move {name} {by / MM:g} mm along {axis_name(way)} of {frame}"
+
+    return shift(blame, LONGEST / 4.0, at, words, lambda by: can(by * way))
 
 
 def _can_stand(cell: Cell, fixture: MeshPlacement) -> Callable[[FloatArray], bool]:
@@ -337,7 +341,7 @@ def _longer(cell: Cell, blame: str) -> Iterator[Cure]:
         at_mm = ", ".join(f"{v:g}" for v in frame)
         return f"use a tool {by / MM:g} mm longer (tool {tool.number}: xyz_mm = [{at_mm}])"
 
-    yield Cure(blame, LONGEST / 4.0, at, words, "mm", SHORTEST, lambda by: by / MM)
+    yield shift(blame, LONGEST / 4.0, at, words)
 
 
 def _swapped(cell: Cell, old: MeshPlacement, new: MeshPlacement | None) -> Cell:
@@ -353,12 +357,6 @@ def _swapped(cell: Cell, old: MeshPlacement, new: MeshPlacement | None) -> Cell:
         bases=tuple(replace(base, meshes=swap(base.meshes)) for base in cell.bases),
         obstacles=swap(cell.obstacles),
     )
-
-
-def way_of(way: FloatArray) -> str:
-    """Return the name of an axis that a direction is."""
-    axis = int(np.argmax(np.abs(way)))
-    return f"{'+' if way[axis] > 0 else '-'}{'xyz'[axis]}"
 
 
 # ---- units, tool axis, place ---------------------------------------------------------------------
@@ -405,7 +403,7 @@ def tool_axes(cell: Cell) -> Iterator[Cure]:
     tool = cell.tool
     if tool.known_axis is None:
         return
-    now = next(name for name, axis in AXES.items() if np.allclose(axis, tool.axis))
+    now = axis_name(tool.axis)
     flipped = now.translate(str.maketrans("+-", "-+"))
     for name in (flipped, *(other for other in AXES if other not in (now, flipped))):
         other = refitted(tool, tool.T_flange_tcp, AXES[name])
@@ -445,19 +443,16 @@ def shifts(reach: Reach, cell: Cell) -> list[Cure]:
     ways = [(-out, "towards A1"), (out, "away from A1")]
     for axis, sign in ((2, -1.0), (2, 1.0), (1, 1.0), (1, -1.0), (0, 1.0), (0, -1.0)):
         way = sign * np.eye(3)[axis]
-        ways.append((way, f"along {way_of(way)} of the robot root"))
+        ways.append((way, f"along {axis_name(way)} of the robot root"))
     return [_moved_part(cell, way, words) for way, words in ways]
 
 
 def _moved_part(cell: Cell, way: FloatArray, words: str) -> Cure:
-    return Cure(
+    return shift(
         "the part is out of the arm's reach",
         LONGEST,
         lambda by: cell.rebased(lambda T: np.asarray(transform(np.eye(3), by * way) @ T)),
         lambda by: f"move the part {by / MM:g} mm {words}",
-        "mm",
-        SHORTEST,
-        lambda by: by / MM,
     )
 
 

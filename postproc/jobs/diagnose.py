@@ -10,7 +10,6 @@ from typing import Any
 
 from postproc.cell import Cell
 from postproc.compensation import split
-from postproc.files import write_files
 from postproc.gap import (
     Along,
     Diagnosis,
@@ -29,7 +28,7 @@ from postproc.gap import diagnose as diagnose_problem
 from postproc.jobs.given import Source, cell_of, model_of, part_of
 from postproc.jobs.measure_next import files as next_files
 from postproc.jobs.measure_next import keep_readings, measure_next
-from postproc.jobs.paged import Paged
+from postproc.jobs.paged import Paged, written
 from postproc.jobs.readings import readings
 from postproc.jobs.self_check import reliability, self_check
 from postproc.kinematics import build
@@ -132,16 +131,11 @@ class DiagnosisJob(Paged):
             DataError: if the folder holds readings that were filled in by hand.
             ReadError: if the folder cannot be written.
         """
-        folder = Path(folder)
-        keep_readings(folder)
-        model = self.model
-        files = {"report.html": self.page(), "model.toml": save_model(model)}
+        keep_readings(Path(folder))
+        files = {"report.html": self.page(), "model.toml": save_model(self.model)}
         arm = calibrated_urdf(build(self.cell.robot), self.cell, self._at_rest)
         files["calibrated.urdf"] = arm
-        files |= next_files(self.following, self.diagnosis, self.cell)
-        contents = {folder / name: content for name, content in files.items()}
-        write_files(contents)
-        return tuple(contents)
+        return written(folder, files | next_files(self.following, self.diagnosis, self.cell))
 
     def __repr__(self) -> str:
         """Return verdict and adopted effects on one line."""

@@ -8,8 +8,7 @@ from typing import Any
 
 from postproc.cell import Cell
 from postproc.controller import load_program
-from postproc.files import write_files
-from postproc.jobs.paged import Paged
+from postproc.jobs.paged import Paged, written
 from postproc.kinematics import build
 from postproc.model import ModelFile, ToolPath, save_model
 from postproc.progress import Progress
@@ -58,11 +57,8 @@ class PathJob(Paged):
         Raises:
             ReadError: if the folder cannot be written.
         """
-        folder = Path(folder)
         files = {"report.html": self.page(), "model.toml": save_model(self.model)}
-        contents = {folder / name: content for name, content in files.items()}
-        write_files(contents)
-        return tuple(contents)
+        return written(folder, files)
 
 
 def diagnose_trace(

@@ -10,11 +10,11 @@ import numpy as np
 
 from postproc.cell import Cell
 from postproc.errors import StiffnessError
-from postproc.files import write_files
 from postproc.geometry import rotation_from_abc
 from postproc.jobs import sample_diagnosis
 from postproc.jobs.drawing import drawing_of
 from postproc.jobs.given import Source, cell_of, part_of
+from postproc.jobs.paged import written
 from postproc.jobs.sample import program_files
 from postproc.jobs.sample import sample as sampled
 from postproc.model import ToolPath
@@ -55,9 +55,7 @@ class MeasuringPlan:
         Raises:
             ReadError: if the folder cannot be written.
         """
-        written = {Path(folder) / name: content for name, content in self.files.items()}
-        write_files(written)
-        return tuple(written)
+        return written(folder, self.files)
 
 
 def sample(

@@ -3,9 +3,21 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from pathlib import Path
 
 from postproc.files import write_files
+
+
+def written(folder: str | Path, files: Mapping[str, bytes]) -> tuple[Path, ...]:
+    """Write files of a job into a folder, whole or not at all, and return their paths.
+
+    Raises:
+        ReadError: if the folder cannot be written.
+    """
+    contents = {Path(folder) / name: content for name, content in files.items()}
+    write_files(contents)
+    return tuple(contents)
 
 
 class Paged(ABC):

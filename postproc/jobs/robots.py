@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from postproc.cell import (
+    LENGTHS,
     OpwGeometry,
     Origin,
     Robot,
@@ -17,8 +18,6 @@ from postproc.cell import (
     robot_title,
 )
 from postproc.units import DEG, MM, NMM_PER_RAD
-
-_LENGTHS = ("a1", "a2", "b", "c1", "c2", "c3", "c4")
 
 
 def robots(
@@ -61,7 +60,7 @@ def robot_document(robot: Robot) -> dict[str, Any]:
         "note": notes.note or None,
         "doubts": sorted(robot.doubts.values()),
         "reach_mm": round(_reach(geometry) / MM, 1),
-        "dimensions_mm": {key: _plain(getattr(geometry, key) / MM) for key in _LENGTHS},
+        "dimensions_mm": {key: _plain(getattr(geometry, key) / MM) for key in LENGTHS},
         "signs": _plain(geometry.signs),
         "offsets_deg": _plain(geometry.offsets / DEG),
         "limits_deg": _known(limits / DEG),
@@ -94,7 +93,7 @@ def _sources(robot: Robot) -> dict[str, Any]:
     }
     geometry = _origin(robot.origins["geometry"])
     sources: dict[str, Any] = {
-        "dimensions_mm": dict.fromkeys(_LENGTHS, geometry),
+        "dimensions_mm": dict.fromkeys(LENGTHS, geometry),
         "signs": geometry,
         "offsets_deg": geometry,
     }

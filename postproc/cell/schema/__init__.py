@@ -26,4 +26,5 @@ from postproc.cell.schema.table import (
     Table,
     ToolSolid,
     key_said,
+    tables_in,
 )

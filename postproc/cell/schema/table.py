@@ -139,6 +139,13 @@ def _words_of(form: Any) -> tuple[str, ...]:  # noqa: ANN401 - any type
     return inner if get_origin(form) is Literal else tuple(w for f in inner for w in _words_of(f))
 
 
+def tables_in(annotation: object) -> list[type[BaseModel]]:
+    """Return the tables that a key holds, by its type: itself, or the entries of its list."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [table for inner in get_args(annotation) for table in tables_in(inner)]
+
+
 def _in_si(value: Any, unit: str, missing: float | None) -> Any:  # noqa: ANN401 - of any key
     factor = _UNITS.get(unit)
     if isinstance(value, list):

@@ -55,12 +55,11 @@ def read_urdf_robot(path: Path, tip: str | None = None, source: SourceRef | None
         "qd_max": from_file if has_speed.all() else assumed,
         "qdd_max": ramp,
     }
-    mass, com = link_inertia(chain)
+    mass, com, has_inertia = _inertia(chain)
     if mass is not None:
         origins |= {"link_mass": from_file, "link_com": from_file}
     effort = np.array([joint.effort for joint in joints])
-    moved = has_inertia(chain)
-    knows_torque = moved and bool(((effort > 0.0) & (effort <= LARGEST)).all())
+    knows_torque = has_inertia and bool(((effort > 0.0) & (effort <= LARGEST)).all())
     if knows_torque:
         origins["torque_max"] = from_file
     return Robot(
@@ -71,7 +70,7 @@ def read_urdf_robot(path: Path, tip: str | None = None, source: SourceRef | None
         qd_max=speed,
         qdd_max=qdd_max,
         torque_max=effort if knows_torque else None,
-        has_inertia=moved,
+        has_inertia=has_inertia,
         T_world_robroot=np.eye(4),
         link_mass=mass,
         link_com=com,
@@ -79,35 +78,25 @@ def read_urdf_robot(path: Path, tip: str | None = None, source: SourceRef | None
     )
 
 
-def link_inertia(chain: UrdfChain) -> tuple[FloatArray | None, FloatArray | None]:
+def _inertia(chain: UrdfChain) -> tuple[FloatArray | None, FloatArray | None, bool]:
     """Return masses (6,) [kg] and centres (6, 3) [m] of links 1..6, None if any has no mass.
 
-    The centres are in the link frames of the file.
+    The centres are in the link frames of the file. Last: whether all turn about all axes with an
+    inertia.
     """
-    mass, moment = np.zeros(6), np.zeros((6, 3))
+    mass, moment, turning = np.zeros(6), np.zeros((6, 3)), np.zeros((6, 3))
     moving = [joint.child for joint in chain.moving]
     for link, T_link_part, element in fixed_parts(chain, moving):
         for inertial in element.findall("inertial"):
             own_mass = values_of(inertial.find("mass"), "value", 1, 0.0)[0]
-            centre = T_link_part @ origin_of(inertial)
             mass[link] += own_mass
-            moment[link] += own_mass * centre[:3, 3]
-    if not (mass > 0.0).all():
-        return None, None
-    return mass, moment / mass[:, None]
-
-
-def has_inertia(chain: UrdfChain) -> bool:
-    """Return whether every one of the links 1..6 has a mass and an inertia about all axes."""
-    mass, turning = np.zeros(6), np.zeros((6, 3))
-    moving = [joint.child for joint in chain.moving]
-    for link, _, element in fixed_parts(chain, moving):
-        for inertial in element.findall("inertial"):
-            mass[link] += values_of(inertial.find("mass"), "value", 1, 0.0)[0]
+            moment[link] += own_mass * (T_link_part @ origin_of(inertial))[:3, 3]
             tensor = inertial.find("inertia")
             for axis, key in enumerate(("ixx", "iyy", "izz")):
                 turning[link, axis] += values_of(tensor, key, 1, 0.0)[0]
-    return bool((mass > 0.0).all() and (turning > 0.0).all())
+    if not (mass > 0.0).all():
+        return None, None, False
+    return mass, moment / mass[:, None], bool((turning > 0.0).all())
 
 
 def fixed_parts(chain: UrdfChain, links: list[str]) -> Iterator[tuple[int, FloatArray, ET.Element]]:
