@@ -108,7 +108,7 @@ def loss_report(problem: Problem, loss: FloatArray, tags: IndexArray, bound: flo
         return Finding(Severity.NOTE, "PLN304", text)
     return Finding(
         Severity.WARNING,
-        LOST,
+        "PLN305",
         f"{text}; what was found does not keep it under the bound of {100.0 * bound:g} %",
         hint='the preset "stiffest" loses least; more key tags or a finer step_deg may help',
     )
