@@ -15,7 +15,7 @@ from postproc.errors import Finding, Severity, SourceRef
 from postproc.geometry import inverse
 from postproc.kinematics import Kinematics, build
 from postproc.model import WORKING, ToolPath
-from postproc.process import claimed
+from postproc.process import assign
 from postproc.toml import TomlText
 from postproc.units import DEG, MM
 
@@ -121,15 +121,15 @@ def place_findings(toolpath: ToolPath, cell: Cell) -> tuple[Finding, ...]:
     if not any(base.meshes for base in cell.bases):
         return ()
     kinematics = build(cell.robot)
-    claims = claimed(toolpath, cell)
-    points = np.asarray(claims.toolpath.points)
-    works = np.isin(claims.toolpath.kind, WORKING) & np.isfinite(points).all(axis=1)
+    assigned = assign(toolpath, cell)
+    points = np.asarray(assigned.toolpath.points)
+    works = np.isin(assigned.toolpath.kind, WORKING) & np.isfinite(points).all(axis=1)
     found: list[Finding] = []
-    for base in np.unique(claims.base[works & (claims.base >= 0)]).tolist():
+    for base in np.unique(assigned.base[works & (assigned.base >= 0)]).tolist():
         scene = Scene.shared(cell.with_tool(cell.tool_index, base), kinematics)
         bodies = [body for body in scene.bodies if body.kind == "workpiece" and body.base == base]
         if bodies:
-            rows = works & (claims.base == base)
+            rows = works & (assigned.base == base)
             T_world_base = cell.robot.T_world_robroot @ cell.bases[base].T_robroot_base
             found += _of_place(points[rows], inverse(T_world_base), bodies, toolpath.path)
     return tuple(found)

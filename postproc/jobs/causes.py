@@ -118,7 +118,7 @@ def causes(
             ways[blame] += 1
             value = job.proven(found) if ways[blame] <= _WAYS else None
             if value is not None:
-                return (job.told(found, value),)
+                return (job.cause_of(found, value),)
         return job.several()
     except _TriedEnoughError:
         return (job.unproven([], f"none of {_MOST} changes"),)
@@ -169,7 +169,7 @@ class _Job:
         self._try(_CONVERSION)
         return self._converts(cell)
 
-    def stands(self, cell: Cell) -> bool:
+    def feasible(self, cell: Cell) -> bool:
         """Return whether the failing tags, and those that stood, have a pose in a cell."""
         self._try()
         some = self._tags[:: max(1, len(self._tags) // _ASKED)]
@@ -195,7 +195,7 @@ class _Job:
         for rule in self._rules:
             yield from self._tamed(rule)
         yield from self._of_place(suspect=True)
-        hits = self._hits and self.stands(cures.without(self._solids, self._cell))
+        hits = self._hits and self.feasible(cures.without(self._solids, self._cell))
         for thing in self._in_the_way() if hits else ():
             yield from self._least(thing.cures(self._cell))
         moves = self._least(cures.shifts(self._reach, self._cell))
@@ -243,7 +243,7 @@ class _Job:
 
     def _freeing(self, things: Sequence[Obstacle]) -> list[Obstacle]:
         """Return the things that free the tags alone; no group without one of them does."""
-        if not things or not self.stands(cures.without(things, self._cell)):
+        if not things or not self.feasible(cures.without(things, self._cell)):
             return []
         if len(things) == 1:
             return list(things)
@@ -252,7 +252,7 @@ class _Job:
 
     def _tamed(self, thing: Obstacle) -> Iterator[tuple[Cure, float]]:
         """Yield what tames a thing, where the tags have a pose without it."""
-        if self.stands(thing.off(self._cell)):
+        if self.feasible(thing.off(self._cell)):
             yield from self._least(thing.cures(self._cell))
 
     def _least(
@@ -281,7 +281,7 @@ class _Job:
                 yield cure, cure.most
 
     def _does(self, cure: Cure, by: float, off: Callable[[Cell], Cell]) -> bool:
-        return cure.can(by) and self.stands(off(cure.at(by)))
+        return cure.can(by) and self.feasible(off(cure.at(by)))
 
     def _between(self, cure: Cure, low: float, high: float, off: Callable[[Cell], Cell]) -> float:
         while high > _CLOSE * low and high - low > _FINEST * cure.first:
@@ -317,7 +317,9 @@ class _Job:
         # converted is what is told, which is rounded
         here = self._cell if place is None else place[0].at(place[0].rounded(place[1]))
         needed = (
-            self._needed(things, here) if place or self.stands(cures.without(things, here)) else []
+            self._needed(things, here)
+            if place or self.feasible(cures.without(things, here))
+            else []
         )
         found: list[tuple[Cure, float]] = [] if place is None else [place]
         which, start = [] if place is None else [lost], here
@@ -333,7 +335,7 @@ class _Job:
         if not found or not self.converts(here):
             return (self.unproven(found),)
         return tuple(
-            self.told((cure, least), cure.rounded(least), self._tags[tags], here)
+            self.cause_of((cure, least), cure.rounded(least), self._tags[tags], here)
             for (cure, least), tags in zip(found, which, strict=True)
         )
 
@@ -350,7 +352,7 @@ class _Job:
         """Return a smallest set of things without which the tags have a pose, suspects first."""
 
         def split(away: list[Obstacle], fresh: bool, left: list[Obstacle]) -> list[Obstacle]:
-            if fresh and self.stands(cures.without(away, cell)):
+            if fresh and self.feasible(cures.without(away, cell)):
                 return []
             if len(left) == 1:
                 return left
@@ -360,9 +362,9 @@ class _Job:
 
         return split([], True, list(things)) if things else []
 
-    # ---- what is told ---------------------------------------------------------------------------
+    # ---- answers ---------------------------------------------------------------------------
 
-    def told(
+    def cause_of(
         self,
         found: tuple[Cure, float],
         value: float,

@@ -46,16 +46,16 @@ from postproc.planning import (
 from postproc.planning import plan as plan_toolpath
 from postproc.process import (
     as_served,
+    assign,
     assumptions,
-    claimed,
     driven,
     feed_findings,
     from_below,
     looks,
     machining_findings,
     restart_notes,
-    stands,
     start_findings,
+    stationary,
     unit_findings,
     word_findings,
     words_settled,
@@ -274,10 +274,10 @@ def _outward(toolpath: ToolPath, cell: Cell) -> FloatArray | None:
         return None
     from postproc.collision import Scene
 
-    served, kinematics = claimed(toolpath, cell), build(cell.robot)
+    served, kinematics = assign(toolpath, cell), build(cell.robot)
     normals = np.full((len(toolpath), 3), np.nan)
     for index, base in enumerate(cell.bases):
-        rows = np.flatnonzero(stands(toolpath) & (served.base == index)) if base.meshes else ()
+        rows = np.flatnonzero(stationary(toolpath) & (served.base == index)) if base.meshes else ()
         if len(rows):
             scene = Scene.shared(cell.with_tool(cell.tool_index, index), kinematics)
             found = scene.nearest_surface(served.toolpath.points[rows])

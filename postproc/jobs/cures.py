@@ -106,9 +106,9 @@ def _limit(key: str, value: float, usual: float, unit: str, scale: float) -> Ite
     field = key.rpartition("_")[0]
 
     def at(cell: Cell, by: float) -> Cell:
-        return replace(cell, limits=replace(cell.limits, **{field: told(by) * scale}))
+        return replace(cell, limits=replace(cell.limits, **{field: written(by) * scale}))
 
-    def told(by: float) -> float:
+    def written(by: float) -> float:
         return round(float(np.floor((value - by) / scale * 10.0 + 1e-6) / 10.0), 6)
 
     def cures(cell: Cell) -> list[Cure]:
@@ -117,10 +117,10 @@ def _limit(key: str, value: float, usual: float, unit: str, scale: float) -> Ite
                 f"[limits] {key} = {value / scale:g} forbids every pose",
                 value - usual,
                 lambda by: at(cell, by),
-                lambda by: f"set {key} = {told(by):g}",
+                lambda by: f"set {key} = {written(by):g}",
                 unit,
                 0.02 * (value - usual),
-                told,
+                written,
             )
         ]
 
@@ -146,10 +146,10 @@ def _axis_limit(axis: int, own: tuple[float, float], ends: tuple[float, float]) 
 
     def at(cell: Cell, low: float, high: float) -> Cell:
         q_min, q_max = np.array(cell.robot.q_min), np.array(cell.robot.q_max)
-        q_min[axis], q_max[axis] = told(low, high)
+        q_min[axis], q_max[axis] = written(low, high)
         return replace(cell, robot=replace(cell.robot, q_min=q_min, q_max=q_max))
 
-    def told(low: float, high: float) -> tuple[float, float]:
+    def written(low: float, high: float) -> tuple[float, float]:
         degrees = np.floor((own[0] - low) / DEG + 1e-6), np.ceil((own[1] + high) / DEG - 1e-6)
         return max(degrees[0] * DEG, ends[0]), min(degrees[1] * DEG, ends[1])
 
@@ -160,7 +160,7 @@ def _axis_limit(axis: int, own: tuple[float, float], ends: tuple[float, float]) 
             return min(low * by, more[0]), min(high * by, more[1])
 
         def words(by: float) -> str:
-            new = (v / DEG for v in told(*ways(by)))
+            new = (v / DEG for v in written(*ways(by)))
             return f"let {name} turn from {' to '.join(f'{v:g}' for v in new)} deg"
 
         blame = f"the cell lets {name} turn from {own[0] / DEG:g} to {own[1] / DEG:g} deg only"

@@ -17,7 +17,7 @@ from postproc.krl import Pose, value_text
 from postproc.measurement import BaseFit, DatumPoints, read_datum_points
 from postproc.measurement import fit_base as fitted
 from postproc.model import MotionKind, ToolPath
-from postproc.process import as_served, claimed
+from postproc.process import as_served, assign
 from postproc.records import dataclass
 from postproc.units import DEG, MM
 
@@ -153,10 +153,10 @@ def fit_base(
     found = read_datum_points(points)
     holes = np.zeros((0, 3))
     if part is not None:
-        claims = claimed(as_served(part_of(part, cell), cell), cell)
-        known = (claims.base == index) & np.isfinite(claims.toolpath.points).all(axis=1)
-        drilled = known & (np.asarray(claims.toolpath.kind) == MotionKind.HOLE)
-        holes = np.asarray(claims.toolpath.points)[drilled if drilled.any() else known]
+        assigned = assign(as_served(part_of(part, cell), cell), cell)
+        known = (assigned.base == index) & np.isfinite(assigned.toolpath.points).all(axis=1)
+        drilled = known & (np.asarray(assigned.toolpath.kind) == MotionKind.HOLE)
+        holes = np.asarray(assigned.toolpath.points)[drilled if drilled.any() else known]
     return BaseJob(found, fitted(found), cell, index, holes)
 
 

@@ -19,7 +19,7 @@ from postproc.geometry import inverse, rotation_angle, transform
 from postproc.kinematics import build
 from postproc.model import ToolPath
 from postproc.planning import has_pose
-from postproc.process import claimed
+from postproc.process import assign
 from postproc.units import DEG, MM
 
 FEWEST = 3
@@ -44,19 +44,19 @@ def with_joint_targets(toolpath: ToolPath, cell: Cell) -> ToolPath:
     if not wanted.any():
         return toolpath
     try:
-        claims = claimed(toolpath, cell)
+        assigned = assign(toolpath, cell)
     except CellError:
         return toolpath  # which tool is meant nobody knows: the job itself says so
-    served = claims.toolpath
+    served = assigned.toolpath
     points, R = served.points.copy(), np.array(served.rotations)
     placed: list[Finding] = []
-    for index in np.unique(claims.tool[wanted]).tolist():
-        mine = claims.tool == index
-        proof, here = mine & posed & jointed, np.flatnonzero(mine & wanted & (claims.base >= 0))
+    for index in np.unique(assigned.tool[wanted]).tolist():
+        mine = assigned.tool == index
+        proof, here = mine & posed & jointed, np.flatnonzero(mine & wanted & (assigned.base >= 0))
         known = _is_proven(toolpath, cell, proof)
         if index < 0 or not len(here) or known is False:
             continue
-        T_robroot_base = np.array([base.T_robroot_base for base in cell.bases])[claims.base[here]]
+        T_robroot_base = np.array([base.T_robroot_base for base in cell.bases])[assigned.base[here]]
         T_robroot_tcp = build(cell.robot).fk(toolpath.joints[here]) @ cell.tools[index].T_flange_tcp
         T_base_tcp = inverse(T_robroot_base) @ T_robroot_tcp
         points[here], R[here] = T_base_tcp[:, :3, 3], T_base_tcp[:, :3, :3]
@@ -69,7 +69,7 @@ def with_joint_targets(toolpath: ToolPath, cell: Cell) -> ToolPath:
         placed.append(Finding(Severity.WARNING, "CNV011", text, source=source))
     if not placed:
         return toolpath
-    axes = -np.einsum("nij,nj->ni", R, cell.axes_of(claims.tool)) + 0.0
+    axes = -np.einsum("nij,nj->ni", R, cell.axes_of(assigned.tool)) + 0.0
     warnings = (*toolpath.warnings, *placed)
     return replace(served, points=points, rotations=R, axes=axes, warnings=warnings)
 

@@ -17,7 +17,7 @@ from postproc.jobs.paged import Paged
 from postproc.kinematics import build
 from postproc.model import ToolPath, load_model
 from postproc.planning import INDICES, SpinCurves, spin_curves, spin_degrees
-from postproc.process import claimed, word_findings
+from postproc.process import assign, word_findings
 from postproc.records import dataclass
 from postproc.stiffness import describe
 from postproc.units import DEG, N_PER_MM
@@ -128,8 +128,8 @@ def stiffness(
         cell, words = _with_model(str(model), cell)
     step = None if step_deg is None else step_deg * DEG
     curves = spin_curves(toolpath, cell, _tags(tags, toolpath), step, most)
-    claims = claimed(toolpath, cell)
-    findings = (*word_findings(claims.toolpath), *claims.findings)
+    assigned = assign(toolpath, cell)
+    findings = (*word_findings(assigned.toolpath), *assigned.findings)
     return SpinStiffness(toolpath, cell, curves, words, findings)
 
 

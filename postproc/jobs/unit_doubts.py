@@ -12,7 +12,7 @@ from postproc.errors import ReadError
 from postproc.kinematics import build
 from postproc.model import ToolPath
 from postproc.planning import Reach
-from postproc.process import claimed
+from postproc.process import assign
 from postproc.units import SINGLE
 
 _OTHERS = ("m", "inch")
@@ -39,20 +39,20 @@ def check_units(toolpath: ToolPath, cell: Cell) -> None:
     known = np.isfinite(toolpath.points).all(axis=1) & np.isfinite(toolpath.axes).all(axis=1)
     if not assumed or not known.any() or cell.external_axes:
         return
-    claims = claimed(toolpath, cell)
-    tags = np.flatnonzero(known & (claims.tool >= 0) & (claims.base >= 0))
-    tags = tags[(claims.tool[tags] == claims.tool[tags[0]])] if len(tags) else tags
-    tags = tags[(claims.base[tags] == claims.base[tags[0]])] if len(tags) else tags
+    assigned = assign(toolpath, cell)
+    tags = np.flatnonzero(known & (assigned.tool >= 0) & (assigned.base >= 0))
+    tags = tags[(assigned.tool[tags] == assigned.tool[tags[0]])] if len(tags) else tags
+    tags = tags[(assigned.base[tags] == assigned.base[tags[0]])] if len(tags) else tags
     if not len(tags):
         return
     tags = np.unique(tags[np.linspace(0, len(tags) - 1, _SAMPLE).astype(np.int64)])
-    here = cell.with_tool(int(claims.tool[tags[0]]), int(claims.base[tags[0]]))
+    here = cell.with_tool(int(assigned.tool[tags[0]]), int(assigned.base[tags[0]]))
     for fits, what in ((_reached, "within reach"), (_lie_on_the_part, "on the workpiece")):
-        if fits(claims.toolpath, tags, here, 1.0) is not False:
+        if fits(assigned.toolpath, tags, here, 1.0) is not False:
             continue
         for unit in _OTHERS:
             scale = SINGLE[unit].factor / SINGLE["mm"].factor
-            if fits(claims.toolpath, tags, here, scale):
+            if fits(assigned.toolpath, tags, here, scale):
                 raise ReadError(
                     "CNV013",
                     f"the file gives no unit of length; in mm no tag is {what}, in {unit} all are",

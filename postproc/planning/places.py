@@ -20,7 +20,7 @@ from postproc.paths import Externals
 from postproc.planning.checks import NEAR, Checker, near_solids
 from postproc.planning.job import checker_of, problem_of
 from postproc.planning.states import Problem, States, postures, sample, settle
-from postproc.process import as_served, claimed, driven, holes_served
+from postproc.process import as_served, assign, driven, holes_served
 from postproc.records import dataclass
 
 COMPARED = 24
@@ -69,10 +69,10 @@ class Reach:
     def of(cls, toolpath: ToolPath, cell: Cell) -> Reach:
         """Return the tags of what was read, as ``plan`` takes them; errors as ``plan``."""
         cell, settings = settle(cell)
-        claims = claimed(driven(as_served(toolpath, cell), cell), cell)
-        served = holes_served(claims.toolpath, cell)
+        assigned = assign(driven(as_served(toolpath, cell), cell), cell)
+        served = holes_served(assigned.toolpath, cell)
         pieces = []
-        for stretch in (one for one in claims.stretches() if one.is_claimed):
+        for stretch in (one for one in assigned.stretches() if one.is_assigned):
             part = served.rows(np.arange(stretch.low, stretch.high))
             here = cell.with_tool(stretch.tool, stretch.base)
             external = np.zeros((len(part), len(cell.external_axes)))

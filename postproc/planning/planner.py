@@ -22,7 +22,7 @@ from postproc.process import (
     MOST_PECKS,
     ToolStretch,
     as_served,
-    claimed,
+    assign,
     driven,
     holes_served,
     peck_count,
@@ -64,10 +64,10 @@ def plan(
     options = options or PlanOptions()
     settle(cell)  # what is wrong with its options, before hours of work
     _require_few_pecks(toolpath)
-    claims = claimed(driven(as_served(toolpath, cell), cell), cell)
-    toolpath, stretches = with_turns(claims.toolpath), claims.stretches()
-    if any(finding.is_error for finding in claims.findings) and not options.partial:
-        return Plan.nothing(toolpath, options.name or toolpath.name, claims.findings)
+    assigned = assign(driven(as_served(toolpath, cell), cell), cell)
+    toolpath, stretches = with_turns(assigned.toolpath), assigned.stretches()
+    if any(finding.is_error for finding in assigned.findings) and not options.partial:
+        return Plan.nothing(toolpath, options.name or toolpath.name, assigned.findings)
     plans: list[Plan] = []
     for here in _ways(cell):
         job, path = Job(settle(here)[1], options, progress), toolpath
@@ -76,12 +76,12 @@ def plan(
             here = replace(here, optimize=replace(here.optimize, free_order=False))
         path = holes_served(path, here)
         part, distinct = without_repeats(path)
-        result = plan_stretches(job, part, here, claims.of(distinct).stretches())
+        result = plan_stretches(job, part, here, assigned.of(distinct).stretches())
         notes = (*result.findings, *_left_out_note(result), *_home_note(result, here))
         result = replace(result, findings=notes)
         plans.append(with_repeats(result, path, distinct) if len(distinct) < len(path) else result)
     best = min(plans, key=lambda plan: rank(plan.findings, plan.cycle_time))
-    return replace(best, findings=(*claims.findings, *best.findings))
+    return replace(best, findings=(*assigned.findings, *best.findings))
 
 
 def _ways(cell: Cell) -> list[Cell]:
@@ -130,7 +130,7 @@ def _order(
     """Return the order (n,) of the tags in which the holes of every stretch are done quickest."""
     order = np.arange(len(toolpath))
     for stretch in stretches:
-        if not stretch.is_claimed:
+        if not stretch.is_assigned:
             continue
         rows = order[stretch.low : stretch.high]
         part, here = toolpath.rows(rows), cell.with_tool(stretch.tool, stretch.base)

@@ -40,7 +40,7 @@ def plan_stretches(job: Job, toolpath: ToolPath, cell: Cell, stretches: list[Too
     Raises:
         CellError: PLN210 if no posture to change tools in is found.
     """
-    known = [stretch for stretch in stretches if stretch.is_claimed]
+    known = [stretch for stretch in stretches if stretch.is_assigned]
     plan_of = plan_with_external_axes if cell.external_axes else planned
     plan_of = with_retracts if cell.motion.retract_in_cuts else plan_of
     if len(known) < 2 and len(stretches) < 2:
@@ -71,7 +71,7 @@ def plan_stretches(job: Job, toolpath: ToolPath, cell: Cell, stretches: list[Too
 def _is_left(stretches: list[ToolStretch], stretch: ToolStretch) -> bool:
     """Return whether what follows a stretch is left out, with all that it switches off."""
     following = stretches[stretches.index(stretch) + 1 :]
-    return bool(following) and not following[0].is_claimed
+    return bool(following) and not following[0].is_assigned
 
 
 def _with_frames(plan: Plan, tool: int, base: int) -> Plan:

@@ -1,11 +1,11 @@
 """What the process asks of planning and verification alike: feeds, loads, order, words, tilt."""
 
-from postproc.process.claims import (
-    Claims,
+from postproc.process.assignment import (
+    Assignment,
     ToolStretch,
+    assign,
     bases_named,
     carried,
-    claimed,
     words_settled,
 )
 from postproc.process.feeds import (
@@ -19,7 +19,7 @@ from postproc.process.feeds import (
     least_feeds,
 )
 from postproc.process.loads import load_cases, operation_loads, weight_wrench
-from postproc.process.looks import SHALLOW, SMALL, as_served, from_below, looks, stands
+from postproc.process.looks import SHALLOW, SMALL, as_served, from_below, looks, stationary
 from postproc.process.machining import machining_findings
 from postproc.process.material import (
     ALONG_AXIS,

@@ -35,7 +35,7 @@ _OF_HOLES = re.compile(
 _SHOWN = 6
 
 
-def stands(toolpath: ToolPath) -> BoolArray:
+def stationary(toolpath: ToolPath) -> BoolArray:
     """Return (n,) the tags at which the tool stands: holes, and points of a list without a feed."""
     kind = np.asarray(toolpath.kind)
     touch = (kind == MotionKind.LINEAR) & np.isnan(toolpath.feed) & (toolpath.format == "csv")
@@ -233,7 +233,7 @@ def _known(toolpath: ToolPath, *, all_of_lists: bool = False) -> IndexArray:
     """
     known = np.isfinite(toolpath.points).all(axis=1) & np.isfinite(toolpath.axes).all(axis=1)
     is_listed = all_of_lists and toolpath.format == "csv"
-    return np.flatnonzero((stands(toolpath) | is_listed) & known)
+    return np.flatnonzero((stationary(toolpath) | is_listed) & known)
 
 
 def _name(toolpath: ToolPath, tag: int) -> str:

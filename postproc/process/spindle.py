@@ -14,7 +14,7 @@ from postproc.arrays import FloatArray, IndexArray
 from postproc.cell import Cell, SpindleStart, Tool
 from postproc.errors import Finding, Severity, SourceRef
 from postproc.model import CUTS, WORKING, Event, EventKind, MotionKind, ToolPath
-from postproc.process.claims import claimed
+from postproc.process.assignment import assign
 from postproc.records import dataclass
 from postproc.units import RPM
 
@@ -119,7 +119,7 @@ def driven(toolpath: ToolPath, cell: Cell) -> ToolPath:
     tags = started_by_none(toolpath)
     if not speed or not len(tags) or may_stand(toolpath, cell):
         return switched_off(toolpath)
-    tool = claimed(toolpath, cell).tool[tags]
+    tool = assign(toolpath, cell).tool[tags]
     first = np.flatnonzero(np.diff(tool, prepend=-2))
     starts = [
         Event(
@@ -151,7 +151,7 @@ def _named(toolpath: ToolPath, cell: Cell, speed: float) -> ToolPath:
     bare = _speedless(toolpath)
     if not speed or not bare or not len(toolpath):
         return toolpath
-    tool = claimed(toolpath, cell).tool
+    tool = assign(toolpath, cell).tool
     starts = {}
     for event in bare:
         words = set(event.text.split(","))
@@ -241,7 +241,7 @@ def _cuts_before_spindle(toolpath: ToolPath, place: int) -> bool:
 def direction_findings(toolpath: ToolPath, cell: Cell) -> list[Finding]:
     """Return an error for each stretch of cuts in which the spindle turns against a tool."""
     found = []
-    serving = np.where(np.isin(toolpath.kind, WORKING), claimed(toolpath, cell).tool, -1)
+    serving = np.where(np.isin(toolpath.kind, WORKING), assign(toolpath, cell).tool, -1)
     for part in stretches(toolpath.events, len(toolpath)):
         for index in np.unique(serving[part.first : part.stop]).tolist():
             tool = cell.tools[index]

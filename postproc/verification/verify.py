@@ -40,7 +40,7 @@ from postproc.model import ToolPath
 from postproc.paths import Displacement, Paths, cycle_time, durations, joint_paths, run_in_cell
 from postproc.process import (
     as_served,
-    claimed,
+    assign,
     driven,
     holes_served,
     machining_findings,
@@ -186,9 +186,9 @@ def _run_of(
 
 def _asked_of(toolpath: ToolPath, cell: Cell) -> tuple[ToolPath, bool, list[Finding]]:
     """Return what a CAM file asks of the program, whether that has to start the spindle, faults."""
-    claims = claimed(toolpath, cell)
-    toolpath = claims.toolpath
-    words = (*word_findings(toolpath), *claims.findings, *unit_findings(toolpath, cell))
+    assigned = assign(toolpath, cell)
+    toolpath = assigned.toolpath
+    words = (*word_findings(toolpath), *assigned.findings, *unit_findings(toolpath, cell))
     toolpath = as_served(toolpath, cell)
     needs_start = len(started_by_none(toolpath)) > 0
     toolpath = driven(toolpath, cell)

@@ -64,7 +64,7 @@ class Bench:
         self.cell, self.source = cell, source
         self._lock = threading.RLock()
         self._asking = threading.Lock()
-        self._planner = Planner(self._told)
+        self._planner = Planner(self._receive)
         self._steps: list[Edits] = [Edits()]
         self._at = 0
         self._number = 0
@@ -121,7 +121,7 @@ class Bench:
         self._mapped = None if self._mapped != key else key
         self._key = key
 
-    def _told(self, number: int, what: str, content: Any) -> None:  # noqa: ANN401 - of its kind
+    def _receive(self, number: int, what: str, content: Any) -> None:  # noqa: ANN401 - of its kind
         """Take what the planner tells of an order."""
         self._take(number, what, content)
         if what == "plan" and self._shown and len(self._shown.conversion.toolpath):

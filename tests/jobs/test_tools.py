@@ -270,7 +270,7 @@ def test_setups_that_the_file_places_need_no_entry(job, run, tmp_path):
 def test_inspect_prints_the_tables_of_the_cell(job, run, capsys):
     """Filled in where dots stand, they claim everything that the file calls."""
     from postproc.cli import app
-    from postproc.process import claimed
+    from postproc.process import assign
     from postproc.readers import read
 
     cam, cell = job()
@@ -281,9 +281,9 @@ def test_inspect_prints_the_tables_of_the_cell(job, run, capsys):
     assert tables.count("[[bases]]") == 2
     filled = tables.replace("# axis =", "axis =")
     cell.write_text(wing.HEAD + filled)
-    claims = claimed(read(cam), load_cell(cell))
-    assert not claims.findings
-    assert {load_cell(cell).tools[i].number for i in claims.tool} == {1, 2, 3}
+    assigned = assign(read(cam), load_cell(cell))
+    assert not assigned.findings
+    assert {load_cell(cell).tools[i].number for i in assigned.tool} == {1, 2, 3}
 
 
 def test_without_home_a_folded_posture_is_found(job, run, tmp_path):
@@ -537,8 +537,8 @@ def test_normals_are_those_of_the_base_of_each_row(job):
     np.testing.assert_allclose(part.axes, want, atol=1e-9)
 
 
-@pytest.mark.parametrize("claims", [('["1"]', '["ADJUST_2"]'), ('["ADJUST_1"]', '["2"]')])
-def test_work_offsets_by_number_are_bases(job, run, tmp_path, claims):
+@pytest.mark.parametrize("assigned", [('["1"]', '["ADJUST_2"]'), ('["ADJUST_1"]', '["2"]')])
+def test_work_offsets_by_number_are_bases(job, run, tmp_path, assigned):
     """CUTCOM/ADJUST,n is the number of a work offset; unclaimed it stops as it did."""
     cam, cell = job(tools=wing.TOOLS[:1])
     lines = wing.apt_text(2).splitlines()
@@ -553,7 +553,7 @@ def test_work_offsets_by_number_are_bases(job, run, tmp_path, claims):
     code, _, err = run(*call)
     assert code == 2
     assert "WRD020: setup 1, line 4, is no base" in err
-    for old, new in zip(('["MSYS_1"]', '["MCS_2"]'), claims, strict=True):
+    for old, new in zip(('["MSYS_1"]', '["MCS_2"]'), assigned, strict=True):
         text = text.replace(old, new)
     cell.write_text(text)
     code, document, err = run(*call)

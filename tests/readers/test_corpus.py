@@ -11,7 +11,7 @@ from postproc.cell.file import load_cell
 from postproc.cli.app import run
 from postproc.errors import CellError, ReadError
 from postproc.model.toolpath import MotionKind
-from postproc.process import claimed, started_by_none, word_findings
+from postproc.process import assign, started_by_none, word_findings
 from postproc.readers import ReadOptions, read
 from postproc.readers.apt.arcs import tangency
 from postproc.readers.apt.file import straight_neighbours
@@ -125,30 +125,30 @@ def test_what_each_file_needs_to_pass(corpus):
 
 
 def test_files_with_several_tools_need_them_in_the_cell(corpus, tmp_path):
-    """One tool without a claim is refused; the table of inspect, filled in, claims them all."""
+    """One tool without a claim is refused; the table of inspect, filled in, assigned them all."""
     for name, needs in NEEDS.items():
         toolpath = read(corpus / "apt" / name)
         one = tmp_path / "one.toml"
         one.write_text(CELL + '[tool]\naxis = "+z"\n')
         if TOOLS not in needs:
-            assert not claimed(toolpath, load_cell(one)).findings, name
+            assert not assign(toolpath, load_cell(one)).findings, name
             continue
         with pytest.raises(CellError, match="is no tool of"):
-            claimed(toolpath, load_cell(one))
+            assign(toolpath, load_cell(one))
         many = tmp_path / "many.toml"
         many.write_text(CELL + tools_table(toolpath))
-        claims = claimed(toolpath, load_cell(many))
-        assert not [finding for finding in claims.findings if finding.is_error], name
+        assigned = assign(toolpath, load_cell(many))
+        assert not [finding for finding in assigned.findings if finding.is_error], name
         cell = load_cell(many)
         for tag in (0, len(toolpath) // 2, len(toolpath) - 1):
             tool = toolpath.tools[toolpath.tool[tag]]
-            assert str(tool.number) in cell.tools[claims.tool[tag]].cam
+            assert str(tool.number) in cell.tools[assigned.tool[tag]].cam
         lines = np.asarray(toolpath.line)
         text = (corpus / "apt" / name).read_text(errors="replace").splitlines()
         calls = [i for i, line in enumerate(text, 1) if line.startswith("LOAD/TOOL")]
         for low, high in zip(calls, [*calls[1:], len(text)], strict=True):
             number = text[low - 1].partition(",")[2].split(",")[0].strip()
-            mine = claims.tool[(lines > low) & (lines < high)]
+            mine = assigned.tool[(lines > low) & (lines < high)]
             assert {number in cell.tools[tool].cam for tool in mine.tolist()} <= {True}, name
 
 
@@ -178,7 +178,7 @@ def test_files_with_several_tools_convert(corpus, tmp_path, capsys, name):
 
 @pytest.mark.parametrize("name", SEVERAL)
 def test_the_table_of_inspect_can_be_pasted(corpus, tmp_path, capsys, name):
-    """As it is printed it claims every tool, and only the axes are asked for; then those fit."""
+    """As it is printed it assigned every tool, and only the axes are asked for; then those fit."""
     source = str(corpus / "apt" / name)
     assert run(["inspect", source]) == 0
     table = capsys.readouterr().out.partition("for the cell, to be filled in:\n\n")[2]
@@ -189,10 +189,10 @@ def test_the_table_of_inspect_can_be_pasted(corpus, tmp_path, capsys, name):
     assert run([*call, "--accept-words", "CUTCOM"]) == 2
     assert "error CEL031: tool" in capsys.readouterr().err
     cell.write_text(head + table.replace("# axis =", "axis =") + HOME)
-    claims = claimed(read(source), load_cell(cell))
-    assert not [finding for finding in claims.findings if finding.is_error]
-    assert (claims.tool >= 0).all()
-    assert (claims.base >= 0).all()
+    assigned = assign(read(source), load_cell(cell))
+    assert not [finding for finding in assigned.findings if finding.is_error]
+    assert (assigned.tool >= 0).all()
+    assert (assigned.base >= 0).all()
     if name not in SEVERAL[:3]:
         return  # that such cells convert is said above
     assert run([*call, "--accept-words", "CUTCOM", "--partial"]) in (0, 1)

@@ -28,7 +28,7 @@ from postproc.planning.external.rating import position_grid
 from postproc.planning.job import checker_of
 from postproc.planning.states import sample, settle
 from postproc.planning.states.costs import MARGIN_OF
-from postproc.process import claimed
+from postproc.process import assign
 from postproc.units import DEG
 from tests.places import FIXTURES
 
@@ -64,9 +64,9 @@ def possible(toolpath: ToolPath, cell: Cell) -> int:
         clearance=kept.clearance + NEAR_BY,
     )
     strict, settings = settle(replace(cell, limits=limits))
-    claims, count = claimed(toolpath, strict), 0
-    for stretch in claims.stretches():
-        part = claims.toolpath.rows(np.arange(stretch.low, stretch.high))
+    assigned, count = assign(toolpath, strict), 0
+    for stretch in assigned.stretches():
+        part = assigned.toolpath.rows(np.arange(stretch.low, stretch.high))
         here = strict.with_tool(stretch.tool, stretch.base)
         left = np.arange(len(part))
         for external in position_grid(here) if here.external_axes else [None]:

@@ -139,7 +139,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
             progress=progress,
         )
     job.accept(options["accept"])
-    return _told(session, options, job)
+    return _answered(session, options, job)
 
 
 def _trace(session: Session, options: dict[str, Any]) -> int:
@@ -158,10 +158,10 @@ def _trace(session: Session, options: dict[str, Any]) -> int:
     toolpath = read_cam(options["against"], options, cell) if options["against"] else None
     with session.progress() as progress:
         job = diagnose_trace(options["trace"], cell, model, progress, options["program"], toolpath)
-    return _told(session, options, job)
+    return _answered(session, options, job)
 
 
-def _told(session: Session, options: dict[str, Any], job: DiagnosisJob | PathJob) -> int:
+def _answered(session: Session, options: dict[str, Any], job: DiagnosisJob | PathJob) -> int:
     """Write the files that are asked for, tell the answer, and return the exit code."""
     if options["output"]:
         job.write(options["output"])

@@ -15,7 +15,7 @@ from postproc.gap.answers.shrinkage import rms
 from postproc.geometry import apply, arc_points, inverse, onto_line
 from postproc.model import MotionKind, ToolPath
 from postproc.planning import arc_length
-from postproc.process import carried, claimed
+from postproc.process import assign, carried
 from postproc.records import dataclass
 from postproc.units import MM
 
@@ -83,10 +83,10 @@ def along(diagnosis: Diagnosis, toolpath: ToolPath, cell: Cell) -> Along:
 
 def _in_work(toolpath: ToolPath, cell: Cell) -> ToolPath:
     """Return the tags that have a base, all in the one in work."""
-    claims = claimed(toolpath, cell)
-    rows = np.flatnonzero(claims.base >= 0)
+    assigned = assign(toolpath, cell)
+    rows = np.flatnonzero(assigned.base >= 0)
     T = inverse(cell.workpiece.T_robroot_base) @ np.array([b.T_robroot_base for b in cell.bases])
-    return carried(claims.toolpath.rows(rows), T[claims.base[rows]])
+    return carried(assigned.toolpath.rows(rows), T[assigned.base[rows]])
 
 
 @dataclass(frozen=True, slots=True)

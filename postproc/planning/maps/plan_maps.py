@@ -17,7 +17,7 @@ from postproc.planning.job import problem_of
 from postproc.planning.places import positions
 from postproc.planning.route import cell_at
 from postproc.planning.states import Problem, evaluate, postures, settle, spin_values
-from postproc.process import claimed
+from postproc.process import assign
 from postproc.records import dataclass
 from postproc.units import DEG, MM
 
@@ -86,11 +86,11 @@ def plan_maps(plan: Plan, cell: Cell, findings: Sequence[Finding]) -> PlanMaps:
         cell: its cell, with the objective of the call.
         findings: all of the conversion; errors name the failing tags.
     """
-    moves, claims = moves_of_tags(plan), claimed(plan.toolpath, cell)
+    moves, assigned = moves_of_tags(plan), assign(plan.toolpath, cell)
     return PlanMaps(
         moves,
-        claims.tool,
-        claims.base,
+        assigned.tool,
+        assigned.base,
         _clearances(plan, cell),
         grades(plan, cell),
         spin_index(plan, cell, moves),
@@ -198,10 +198,10 @@ def at_places(plan: Plan, cell: Cell, moves: IndexArray) -> Iterator[Place]:
         cell: its cell.
         moves: (n,) from ``moves_of_tags``.
     """
-    claims = claimed(plan.toolpath, cell)
+    assigned = assign(plan.toolpath, cell)
     axes = axes_of(plan, cell, moves) if cell.external_axes else None
-    for stretch in claims.stretches():
-        if not stretch.is_claimed:
+    for stretch in assigned.stretches():
+        if not stretch.is_assigned:
             continue
         tags = np.arange(stretch.low, stretch.high)
         whole, part = cell.with_tool(stretch.tool, stretch.base), plan.toolpath.rows(tags)
@@ -259,9 +259,9 @@ def failing_poses(plan: Plan, cell: Cell, findings: Sequence[Finding]) -> dict[i
     found: dict[int, FailingPose] = {}
     if not messages:
         return found
-    for part in claimed(plan.toolpath, cell).stretches():
+    for part in assign(plan.toolpath, cell).stretches():
         mine = [tag for tag in range(part.low, part.high) if tag in messages]
-        mine = mine[: MOST_POSED - len(found)] if part.is_claimed else []
+        mine = mine[: MOST_POSED - len(found)] if part.is_assigned else []
         if not mine:
             continue
         here = cell.with_tool(part.tool, part.base)

@@ -35,7 +35,7 @@ from postproc.planning.states import (
     spin_values,
     stiffness_of,
 )
-from postproc.process import Claims, as_served, claimed
+from postproc.process import Assignment, as_served, assign
 from postproc.records import dataclass
 from postproc.stiffness import index
 from postproc.units import DEG
@@ -117,15 +117,15 @@ def spin_curves(
             SourceRef(cell.path),
         )
     cell, settings = settle(cell)
-    claims = claimed(as_served(toolpath, cell), cell)
-    toolpath, stretches = claims.toolpath, [s for s in claims.stretches() if s.is_claimed]
+    assigned = assign(as_served(toolpath, cell), cell)
+    toolpath, stretches = assigned.toolpath, [s for s in assigned.stretches() if s.is_assigned]
     if tags is None:
         keys = [
             key_tags(toolpath.rows(np.arange(s.low, s.high)), cell.optimize).nonzero()[0] + s.low
             for s in stretches
         ]
         tags = _some(np.concatenate(keys), most)
-    tags = _with_frames(np.asarray(tags, dtype=np.int64), claims)
+    tags = _with_frames(np.asarray(tags, dtype=np.int64), assigned)
     spins = spin_values(step or cell.optimize.step, *cell.optimize.range)
     pieces = []
     for stretch in stretches:
@@ -143,7 +143,7 @@ def spin_curves(
     return SpinCurves(
         tags=tags,
         names=tuple(toolpath.tag_name(int(tag)) for tag in tags),
-        tools=tuple(cell.tools[index].number for index in claims.tool[tags]),
+        tools=tuple(cell.tools[index].number for index in assigned.tool[tags]),
         spins=spins,
         values=dict(zip(INDICES, (value.reshape(shape) for value in values), strict=True)),
         blocked=blocked.reshape(shape),
@@ -153,11 +153,11 @@ def spin_curves(
     )
 
 
-def _with_frames(tags: IndexArray, claims: Claims) -> IndexArray:
+def _with_frames(tags: IndexArray, assigned: Assignment) -> IndexArray:
     """Return the tags that have a tool and a base."""
-    kept = tags[(claims.tool[tags] >= 0) & (claims.base[tags] >= 0)]
+    kept = tags[(assigned.tool[tags] >= 0) & (assigned.base[tags] >= 0)]
     if len(tags) and not len(kept):
-        worst = next(finding for finding in claims.findings if finding.is_error)
+        worst = next(finding for finding in assigned.findings if finding.is_error)
         raise CellError(worst.code, worst.message, worst.source, worst.hint)
     return kept
 

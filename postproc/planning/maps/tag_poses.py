@@ -30,7 +30,7 @@ from postproc.planning.states import (
     settle,
     spin_values,
 )
-from postproc.process import claimed
+from postproc.process import assign
 from postproc.records import dataclass
 from postproc.units import DEG
 
@@ -89,8 +89,8 @@ class TagPoses:
     def _stretches(self) -> list[_Stretch]:
         plan, found = self._plan, []
         axes = axes_of(plan, self._cell, self._moves) if self._cell.external_axes else None
-        for part in claimed(plan.toolpath, self._cell).stretches():
-            if part.is_claimed:
+        for part in assign(plan.toolpath, self._cell).stretches():
+            if part.is_assigned:
                 rows = np.arange(part.low, part.high)
                 cell = self._cell.with_tool(part.tool, part.base)
                 external = None if axes is None else axes[rows]
@@ -277,7 +277,7 @@ def replanned(plan: Plan, cell: Cell, tag: int) -> tuple[Plan, IndexArray]:
         cell: its cell, with the pins and the places that are to count.
         tag: the one that was edited.
     """
-    parts = claimed(plan.toolpath, cell).stretches()
+    parts = assign(plan.toolpath, cell).stretches()
     part = next(part for part in parts if part.low <= tag < part.high)
     tags = np.arange(max(part.low, tag - _FREE - _KEPT), min(part.high, tag + _FREE + _KEPT + 1))
     moves = moves_of_tags(plan)[tags]

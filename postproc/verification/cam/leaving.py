@@ -21,8 +21,8 @@ from postproc.paths import Paths
 from postproc.process import (
     ALONG_AXIS,
     MACHINING_SPEED,
+    assign,
     back_off,
-    claimed,
     in_material,
     machining_speeds,
 )
@@ -59,7 +59,7 @@ def check_leaving(run: Run, match: Match) -> Iterator[Said]:
 def leads_in(paths: Paths, cell: Cell, tags: Served) -> BoolArray:
     """Return (m,) motions that end where the CAM file leads into a cut, or says no way to it."""
     open_ = ~np.isin(np.asarray(tags.toolpath.kind), CUTS)
-    open_[[stretch.low for stretch in claimed(tags.toolpath, cell).stretches()]] = True
+    open_[[stretch.low for stretch in assign(tags.toolpath, cell).stretches()]] = True
     led = np.zeros(len(paths), dtype=np.bool_)
     for motions in (tags.first, tags.last):
         led[motions[open_ & (motions >= 0)]] = True

@@ -19,7 +19,7 @@ from postproc.cell import Cell
 from postproc.errors import DataError
 from postproc.model import ToolPath
 from postproc.paths import Displacement, Paths
-from postproc.process import Claims, claimed, only, reordered
+from postproc.process import Assignment, assign, only, reordered
 from postproc.records import dataclass
 from postproc.verification.cam.calls import Calls, calls_of
 from postproc.verification.cam.drilled import Again, Hole, holes_of, program_order
@@ -106,9 +106,9 @@ class Match:
     calls: Calls
 
     @property
-    def claims(self) -> Claims:
+    def assigned(self) -> Assignment:
         """The tool and the base of each of ``tags``."""
-        return claimed(self.tags.toolpath, self.cell)
+        return assign(self.tags.toolpath, self.cell)
 
     @property
     def shift(self) -> float:
@@ -160,7 +160,7 @@ def match_of(
     fewer = toolpath if len(kept) == len(toolpath) else only(toolpath, kept)
     tilts, real = every_tilts.rows(kept), real.rows(kept)
     wanted = wanted_of(fewer)
-    visits = visits_of(real, wanted, claimed(fewer, cell), tolerances.position, left)
+    visits = visits_of(real, wanted, assign(fewer, cell), tolerances.position, left)
     tags = Served(fewer, wanted, visits.first, visits.last)
     every = tags.spread(toolpath, kept, passed.tag, passed.motion)
     ways = ways_of(fewer, wanted, tags.first, real, path_tolerance)

@@ -15,7 +15,7 @@ from postproc.arrays import BoolArray, FloatArray, IndexArray, IntArray, longest
 from postproc.geometry import angle_between
 from postproc.model import Cycle, MotionKind, ToolPath
 from postproc.paths import Paths, Station
-from postproc.process import LEAST_PECK, Claims, apart
+from postproc.process import LEAST_PECK, Assignment, apart
 from postproc.records import dataclass
 from postproc.verification.cam.real import FAR, RealPaths
 
@@ -135,14 +135,14 @@ class Visits:
 
 
 def visits_of(
-    real: RealPaths, wanted: Wanted, claims: Claims, tolerance: float, left: float
+    real: RealPaths, wanted: Wanted, assigned: Assignment, tolerance: float, left: float
 ) -> Visits:
     """Return which motions go to the wanted points.
 
     Args:
         real: paths of the tool that is compared.
         wanted: what the CAM file asks for.
-        claims: the tool and the base of each tag.
+        assigned: the tool and the base of each tag.
         tolerance: [m].
         left: up to this [m] the tolerance is doubled until all points are served.
     """
@@ -150,9 +150,9 @@ def visits_of(
     own = np.isin(wanted.kind, (MotionKind.ARC, MotionKind.HOLE))
     own[1:] |= wanted.kind[:-1] == MotionKind.HOLE  # a stroke ends above the point
     own[1:] |= angle_between(wanted.axis[1:], wanted.axis[:-1]) > SAME_AXIS
-    own[[stretch.low for stretch in claims.stretches()]] = True
+    own[[stretch.low for stretch in assigned.stretches()]] = True
     moving = np.where(paths.stands[:, None], FAR, real.visited)
-    visited, case = by_frames(moving, real.case, claims, paths.station)
+    visited, case = by_frames(moving, real.case, assigned, paths.station)
     pecks = passed_pecks(paths, tolerance)
     visited, case = bottoms_apart(visited, case, wanted.is_hole, pecks)
     return match(wanted.point, visited, tolerance, own, case, left)
@@ -221,13 +221,13 @@ def match(
 
 
 def by_frames(
-    visited: FloatArray, case: IntArray, claims: Claims, station: Station
+    visited: FloatArray, case: IntArray, assigned: Assignment, station: Station
 ) -> tuple[FloatArray, IntArray]:
     """Return the end points by load, tool and base, far away where these are others, and cases.
 
     A tag is served with the tool and in the base that the file means, or not at all.
     """
-    wanted = np.stack([case, claims.tool, claims.base])
+    wanted = np.stack([case, assigned.tool, assigned.base])
     distinct, number = np.unique(wanted, axis=1, return_inverse=True)
     if distinct.shape[1] < 2 and len(station.cell.tools) == len(station.cell.bases) == 1:
         return visited, case

@@ -54,14 +54,14 @@ def check_missed(run: Run, match: Match) -> Iterator[Said]:
     for row in missed[(off.motion[missed] < 0) & (missed == 0)].tolist():
         text = f"{tags.name(row)}: the program makes no motion at all"
         yield Remark(RunKind.MISSED, None, text)
-    claims = match.claims
+    assigned = match.assigned
     for row, more in listed(missed, "tags"):
         nearest = int(off.motion[row])
         if nearest < 0:
             continue
         kind, text = _how(match, row)
         used = int(station.tool[nearest]), int(station.base[nearest])
-        asked = int(claims.tool[row]), int(claims.base[row])
+        asked = int(assigned.tool[row]), int(assigned.base[row])
         if used != asked and off.position[row] <= match.tolerances.position:
             kind, text = RunKind.TOOL, _other_tool(run, used, asked)
         yield Remark(kind, nearest, f"{tags.name(row)}: {text}{more}")

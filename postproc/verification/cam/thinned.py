@@ -20,7 +20,7 @@ from postproc.geometry import onto_line
 from postproc.kinematics import corner_miss
 from postproc.model import BLEND_SHARE, ToolPath
 from postproc.paths import Paths
-from postproc.process import claimed, may_be_passed
+from postproc.process import assign, may_be_passed
 from postproc.records import dataclass
 from postproc.units import MM
 from postproc.verification.cam.elements import curve_points
@@ -67,8 +67,8 @@ def passed_of(
     """
     if cell.motion.thin is None or not len(real.commanded) or not len(toolpath):
         return _NONE
-    claims = claimed(toolpath, cell)
-    served = visits_of(real, wanted_of(toolpath), claims, *limits).first
+    assigned = assign(toolpath, cell)
+    served = visits_of(real, wanted_of(toolpath), assigned, *limits).first
     may = may_be_passed(toolpath, cell)
     _give_back(served, may, real, toolpath, limits[0])
     found = _passed(real, toolpath, served, may)

@@ -1,11 +1,11 @@
 """Which tool and which base of the cell every tag of a CAM file means.
 
 A CAM file calls tools by numbers and names (LOADTL, TLDATA, tool profiles) and setups by names
-(MSYS, CSYS, object frames). An entry of the cell claims them by its ``cam``. A cell with one tool
+(MSYS, CSYS, object frames). An entry of the cell assigned them by its ``cam``. A cell with one tool
 takes a file that never changes the tool as it is; the same holds for setups.
 
 A setup that the file itself places needs no entry: its points are carried by its matrix, into the
-coordinates of the part, or into those of a setup that an entry claims. An entry that claims it
+coordinates of the part, or into those of a setup that an entry lists. An entry that lists it
 wins: then the points stay as they are written, and the base lies where the cell says.
 """
 
@@ -24,7 +24,7 @@ from postproc.model import Arcs, CamSetup, CamTool, EventKind, MotionKind, ToolP
 from postproc.records import dataclass
 from postproc.units import MM
 
-UNCLAIMED = -1
+UNASSIGNED = -1
 SETUP_WORDS = frozenset({"MCSYS", "MCS", "MCS2", "ZERO", "CUTCOM/ADJUST"})
 """Words that name a setup of which only a cell can say where the points lie."""
 _SAME_DIAMETER = 0.01 * MM
@@ -40,17 +40,17 @@ class ToolStretch:
     base: int
 
     @property
-    def is_claimed(self) -> bool:
+    def is_assigned(self) -> bool:
         """Whether the cell knows both."""
         return self.tool >= 0 and self.base >= 0
 
 
 @dataclass(frozen=True, slots=True)
-class Claims:
+class Assignment:
     """A toolpath as the tools and bases of a cell serve it.
 
     ``toolpath``: points and axes in the base of each tag; ``tool``, ``base`` (n,): indices into
-    those of the cell, -1 where no entry claims what the file asks for; ``findings``: what is
+    those of the cell, -1 where no entry lists what the file asks for; ``findings``: what is
     wrong with that.
     """
 
@@ -59,7 +59,7 @@ class Claims:
     base: IntArray
     findings: tuple[Finding, ...] = ()
 
-    def of(self, tags: IndexArray) -> Claims:
+    def of(self, tags: IndexArray) -> Assignment:
         """Return those of some tags (k,) alone; the toolpath and what is wrong stay whole."""
         return replace(self, tool=self.tool[tags], base=self.base[tags])
 
@@ -71,41 +71,41 @@ class Claims:
         ]
 
 
-def claimed(toolpath: ToolPath, cell: Cell) -> Claims:
+def assign(toolpath: ToolPath, cell: Cell) -> Assignment:
     """Return what each tag means in a cell; done twice it is as done once.
 
     Raises:
         CellError: if no tag at all has a tool and a base, with what the file asks for.
     """
-    sorter = _Sorter(toolpath, cell)
-    tool, base = sorter.tools(), sorter.bases()
+    assigner = _Assigner(toolpath, cell)
+    tool, base = assigner.tools(), assigner.bases()
     if len(toolpath) and not ((tool >= 0) & (base >= 0)).any():
-        worst = next(finding for finding in sorter.findings if finding.is_error)
+        worst = next(finding for finding in assigner.findings if finding.is_error)
         raise CellError(worst.code, worst.message, worst.source, worst.hint)
-    served = sorter.served(tool)
-    findings = (*sorter.findings, *_lost_arcs(served, tool, base))
-    return Claims(served, tool, base, findings)
+    served = assigner.served(tool)
+    findings = (*assigner.findings, *_lost_arcs(served, tool, base))
+    return Assignment(served, tool, base, findings)
 
 
 def words_settled(toolpath: ToolPath, cell: Cell) -> ToolPath:
     """Return a toolpath without the refused words that a base of the cell answers."""
-    sorter = _Sorter(toolpath, cell)
-    sorter.bases()
-    return sorter.settled(toolpath)
+    assigner = _Assigner(toolpath, cell)
+    assigner.bases()
+    return assigner.settled(toolpath)
 
 
 def bases_named(names: Sequence[str], cell: Cell) -> IntArray:
     """Return the bases (n,) that names of a list mean: indices into those of a cell, -1 for none.
 
-    A row without a name is in the only base, or in the one that no CAM name claims.
+    A row without a name is in the only base, or in the one without CAM names.
     """
     free = [index for index, base in enumerate(cell.bases) if not base.cam]
-    nobody = free[0] if len(free) == 1 else UNCLAIMED
+    nobody = free[0] if len(free) == 1 else UNASSIGNED
     if len(cell.bases) == 1 and len({name for name in names if name}) < 2:
         return np.zeros(len(names), dtype=np.int32)
     table = {key: index for index, base in enumerate(cell.bases) for key in base.cam}
     keys = (cam_key(name) if name else "" for name in names)
-    return np.array([table.get(k, UNCLAIMED) if k else nobody for k in keys], dtype=np.int32)
+    return np.array([table.get(k, UNASSIGNED) if k else nobody for k in keys], dtype=np.int32)
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,12 +153,12 @@ class _Calls:
 
     def served(self, entry: Mapping[int, int], nobody: int) -> IntArray:
         """Return the entries (n,) of tags; those of no call have ``nobody``."""
-        table = [entry.get(index, UNCLAIMED) for index in range(len(self.calls))]
-        return np.maximum([*table, nobody], UNCLAIMED)[self.column].astype(np.int32)
+        table = [entry.get(index, UNASSIGNED) for index in range(len(self.calls))]
+        return np.maximum([*table, nobody], UNASSIGNED)[self.column].astype(np.int32)
 
 
 @dataclass(slots=True)
-class _Sorter:
+class _Assigner:
     """Finds the entries for one toolpath; collects the findings on the way."""
 
     toolpath: ToolPath
@@ -166,8 +166,8 @@ class _Sorter:
     findings: list[Finding] = field(default_factory=list)
     maps: dict[int, FloatArray] = field(default_factory=dict)
     """Setup to T_base_points (4, 4), where the points have to move."""
-    at_home: set[int] = field(default_factory=set)
-    """Setups that an entry claims."""
+    listed: set[int] = field(default_factory=set)
+    """Setups that an entry lists."""
 
     def tools(self) -> IntArray:
         """Return the tool (n,) of each tag."""
@@ -177,26 +177,26 @@ class _Sorter:
             entry = dict.fromkeys(calls.used, 0)
         for index, place in entry.items():
             tool = self.toolpath.tools[index]
-            if place == UNCLAIMED:
+            if place == UNASSIGNED:
                 subject = f"{tool_words(tool)}, called in line {tool.line},"
-                self._unclaimed(calls, index, subject, tool.name or str(tool.number))
+                self._unknown(calls, index, subject, tool.name or str(tool.number))
             elif place >= 0:
                 self._compare_diameter(tool, self.cell.tools[place])
-        self._tell_alike({index: place for index, place in entry.items() if place >= 0})
+        self._warn_of_alike({index: place for index, place in entry.items() if place >= 0})
         nobody = 0
         if not calls.is_single:
             start, hint = "no tool is called before", "let the file name the tool of every motion"
-            nobody = self._silent(calls, start, hint)
+            nobody = self._before_any(calls, start, hint)
         return calls.served(entry, nobody)
 
     def bases(self) -> IntArray:
         """Return the base (n,) of each tag, and remember where its points have to go."""
         calls, setups = _Calls.of_setups(self.toolpath, self.cell), self.toolpath.setups
         entry = self._entries(calls)
-        self.at_home = {index for index, place in entry.items() if place >= 0}
-        for index in self.at_home:
+        self.listed = {index for index, place in entry.items() if place >= 0}
+        for index in self.listed:
             self._map(index, _moved_back(setups[index]))
-        rest = [index for index, place in entry.items() if place == UNCLAIMED]
+        rest = [index for index, place in entry.items() if place == UNASSIGNED]
         if calls.is_single:
             entry, rest = dict.fromkeys(calls.used, 0), []
         home, T_home_part = self._part_base(entry)
@@ -206,23 +206,23 @@ class _Sorter:
                 self._map(index, T_home_part)
             else:
                 name = setups[index].name
-                self._unclaimed(calls, index, f"setup {name}, line {setups[index].line},", name)
+                self._unknown(calls, index, f"setup {name}, line {setups[index].line},", name)
         if home >= 0 and (calls.column < 0).any():
-            self._map(UNCLAIMED, T_home_part)
+            self._map(UNASSIGNED, T_home_part)
         elif home < 0:
             hint = "leave cam out of the one base that holds the coordinates of the part"
-            self._silent(calls, "no setup is named for", hint)
+            self._before_any(calls, "no setup is named for", hint)
         return calls.served(entry, home)
 
     def _entries(self, calls: _Calls) -> dict[int, int]:
-        """Return the entry that claims each call; an error, and below ``UNCLAIMED``, if two do."""
+        """Return the entry that lists each call; an error, and below ``UNASSIGNED``, if two do."""
         entry = {}
         for index in calls.used:
             keys = set(map(cam_key, calls.names[index]))
             found = [k for k, each in enumerate(calls.entries) if keys & set(each.cam)]
-            entry[index] = found[0] if found else UNCLAIMED
+            entry[index] = found[0] if found else UNASSIGNED
             if len(found) > 1:
-                entry[index] = UNCLAIMED - 1
+                entry[index] = UNASSIGNED - 1
                 numbers = " and ".join(str(calls.entries[k].number) for k in found)
                 names = " ".join(calls.names[index])
                 text = f"{calls.what} {names} is listed in cam of both {numbers}"
@@ -230,7 +230,7 @@ class _Sorter:
                 self.findings.append(Finding(Severity.ERROR, "WRD021", text, source=source))
         return entry
 
-    def _unclaimed(self, calls: _Calls, index: int, subject: str, key: str) -> None:
+    def _unknown(self, calls: _Calls, index: int, subject: str, key: str) -> None:
         rows = np.flatnonzero(calls.column == index)
         self._error(
             calls.code,
@@ -240,14 +240,14 @@ class _Sorter:
             "inspect prints the table",
         )
 
-    def _silent(self, calls: _Calls, start: str, hint: str) -> int:
+    def _before_any(self, calls: _Calls, start: str, hint: str) -> int:
         """Refuse tags of no call, where there are any; several entries may be meant."""
         rows = np.flatnonzero(calls.column < 0)
         if len(rows):
             count = len(calls.entries)
             text = f"{start} {self._lines(rows)}, and the cell has {count} {calls.word}s"
             self._error(calls.code, text, int(rows[0]), hint)
-        return UNCLAIMED
+        return UNASSIGNED
 
     def _compare_diameter(self, tool: CamTool, entry: Tool) -> None:
         if abs(tool.diameter - entry.diameter) > _SAME_DIAMETER:
@@ -257,7 +257,7 @@ class _Sorter:
             )
             self._warn("WRD022", text, tool)
 
-    def _tell_alike(self, entry: dict[int, int]) -> None:
+    def _warn_of_alike(self, entry: dict[int, int]) -> None:
         """Warn of CAM tools that differ by the file itself and are taken for one tool."""
         tools = self.toolpath.tools
         first: dict[int, int] = {}
@@ -280,16 +280,16 @@ class _Sorter:
         That of no setup; else the one whose setups all lie at one place of the part.
         """
         bases, setups = self.cell.bases, self.toolpath.setups
-        if len(bases) == 1 and not self.at_home:
+        if len(bases) == 1 and not self.listed:
             return 0, np.eye(4)
         free = [index for index, base in enumerate(bases) if not base.cam]
         if len(free) == 1:
             return free[0], np.eye(4)
-        known = [(entry[index], _moved_back(setups[index])) for index in sorted(self.at_home)]
+        known = [(entry[index], _moved_back(setups[index])) for index in sorted(self.listed)]
         if not known or any(base != known[0][0] for base, _ in known):
-            return UNCLAIMED, np.eye(4)
+            return UNASSIGNED, np.eye(4)
         same = all(np.allclose(T, known[0][1], atol=1e-9) for _, T in known)
-        return known[0] if same else (UNCLAIMED, np.eye(4))
+        return known[0] if same else (UNASSIGNED, np.eye(4))
 
     def _map(self, index: int, T: FloatArray) -> None:
         if not np.array_equal(T, np.eye(4)):
@@ -323,7 +323,7 @@ class _Sorter:
         return self.settled(toolpath)
 
     def settled(self, toolpath: ToolPath) -> ToolPath:
-        """Return the toolpath without the refusals that a claimed setup answers."""
+        """Return the toolpath without the refusals that a listed setup answers."""
         uses = tuple(self._settled_uses())
         return toolpath if uses == toolpath.word_uses else replace(toolpath, word_uses=uses)
 
@@ -335,7 +335,7 @@ class _Sorter:
         column = toolpath.setup_of_tags
         T = np.stack([self.maps.get(i, np.eye(4)) for i in range(-1, len(toolpath.setups))])
         setups = (
-            _served_setup(setup, index in self.at_home, self.maps.get(index))
+            _served_setup(setup, index in self.listed, self.maps.get(index))
             for index, setup in enumerate(toolpath.setups)
         )
         return replace(carried(toolpath, T[column + 1]), setups=tuple(setups))
@@ -346,9 +346,9 @@ class _Sorter:
                 yield use
                 continue
             tags = np.searchsorted(self.toolpath.line, use.lines, side="right")
-            setups = np.append(self.toolpath.setup_of_tags, UNCLAIMED)[tags].tolist()
+            setups = np.append(self.toolpath.setup_of_tags, UNASSIGNED)[tags].tolist()
             pairs = zip(use.lines, setups, strict=True)
-            left = tuple(line for line, setup in pairs if setup not in self.at_home)
+            left = tuple(line for line, setup in pairs if setup not in self.listed)
             if left:
                 yield replace(use, lines=left)
 
@@ -411,8 +411,8 @@ def _moved_back(setup: CamSetup) -> FloatArray:
     return np.asarray(inverse(np.vstack([setup.matrix, [0.0, 0.0, 0.0, 1.0]])))
 
 
-def _served_setup(setup: CamSetup, is_claimed: bool, T: FloatArray | None) -> CamSetup:
-    if is_claimed:
+def _served_setup(setup: CamSetup, is_assigned: bool, T: FloatArray | None) -> CamSetup:
+    if is_assigned:
         return replace(setup, carried=False)
     if T is None or setup.matrix is None:
         return setup
