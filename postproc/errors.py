@@ -6,7 +6,7 @@ An error carries its values as attributes, so that the command line prints
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from enum import IntEnum, StrEnum
 
@@ -14,6 +14,12 @@ from postproc.records import dataclass
 
 LISTED = 12
 """Lines or tags that a message names at most."""
+
+
+def listed(names: Sequence[object], most: int = LISTED) -> str:
+    """Return names with commas between, at most so many, and how many more there are."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(map(str, names[:most])) + more
 
 
 class ExitCode(IntEnum):

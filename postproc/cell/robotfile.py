@@ -14,7 +14,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.cell.cell import Cell, OpwGeometry, Origin, Provenance, Robot
-from postproc.errors import CellError, SourceRef
+from postproc.errors import CellError, SourceRef, listed
 from postproc.records import dataclass
 from postproc.units import DEG, MM, NMM_PER_RAD
 
@@ -106,9 +106,8 @@ def find_robot(name: str, source: SourceRef | None = None) -> str:
         hint = f"`postproc robots --payload {series[0]}` lists those that carry as much"
     elif several and normal(name):
         several.sort(key=lambda known: _row(known)["trust"])
-        some = ", ".join(several[:_SHOWN])
-        more = f" and {len(several) - _SHOWN} more" if len(several) > _SHOWN else ""
-        text = f"{name!r} may be any of {len(several)} robots, name one: {some}{more}"
+        some = listed(several, _SHOWN)
+        text = f"{name!r} may be any of {len(several)} robots, name one: {some}"
         hint = lists
     elif normal(name).startswith("kr"):
         near = nearest(name, robot_names())

@@ -7,6 +7,7 @@ from dataclasses import asdict
 from typing import Any
 
 from postproc.arrays import FloatArray
+from postproc.errors import listed
 from postproc.records import dataclass
 
 
@@ -102,8 +103,7 @@ def group_lines(groups: Sequence[Group], most: int = SHOWN) -> list[str]:
 
 def names(ids: Sequence[str]) -> str:
     """Return the first few of many ids, with what they are said once."""
-    shown = [ids[0], *(i.removeprefix("CAM line ") for i in ids[1:NAMED])]
-    return ", ".join(shown) + (f" and {len(ids) - NAMED} more" if len(ids) > NAMED else "")
+    return listed([ids[0], *(i.removeprefix("CAM line ") for i in ids[1:])], NAMED)
 
 
 def tidy(value: float) -> float:

@@ -6,7 +6,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.cell import Cell
-from postproc.errors import LISTED, Finding, Severity
+from postproc.errors import Finding, Severity, listed
 from postproc.kinematics import is_coaxial_with_axis_6
 from postproc.model import CUTS, Event, MoveRole, Plan, ToolPath
 from postproc.planning.attempt import Choice
@@ -207,11 +207,9 @@ def _changes_note(problem: Problem, chosen: Chosen) -> list[Finding]:
     new = first[leap]
     if not len(new):
         return []
-    lines = toolpath.line[new].tolist()
-    more = f" and {len(lines) - LISTED} more" if len(lines) > LISTED else ""
     text = (
         "between cuts the tool is lifted off and the arm goes on in another configuration, or an "
-        f"axis by more than half a turn: lines {', '.join(map(str, lines[:LISTED]))}{more}"
+        f"axis by more than half a turn: lines {listed(toolpath.line[new].tolist())}"
     )
     source = toolpath.source(int(new[0]))
     return [Finding(Severity.NOTE, "PLN311", text, int(new[0]), source)]

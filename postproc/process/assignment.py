@@ -18,7 +18,7 @@ import numpy as np
 
 from postproc.arrays import AnyIntArray, FloatArray, IndexArray, IntArray, runs
 from postproc.cell import Cell, Tool, Workpiece, cam_key
-from postproc.errors import LISTED, CellError, Finding, Severity, SourceRef
+from postproc.errors import CellError, Finding, Severity, SourceRef, listed
 from postproc.geometry import apply, inverse
 from postproc.model import Arcs, CamSetup, CamTool, EventKind, MotionKind, ToolPath, WordUse
 from postproc.records import dataclass
@@ -360,9 +360,8 @@ class _Assigner:
         """Return the lines of tags as ``12 motions in lines 7 to 18, 40 to 52``."""
         groups = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
         line = np.asarray(self.toolpath.line)
-        shown = [f"{line[group[0]]} to {line[group[-1]]}" for group in groups[:LISTED]]
-        more = f" and {len(groups) - LISTED} more" if len(groups) > LISTED else ""
-        return f"{len(rows)} motions in lines {', '.join(shown)}{more}"
+        spans = [f"{line[group[0]]} to {line[group[-1]]}" for group in groups]
+        return f"{len(rows)} motions in lines {listed(spans)}"
 
 
 def carried(toolpath: ToolPath, T: FloatArray) -> ToolPath:

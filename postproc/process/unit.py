@@ -13,7 +13,7 @@ import numpy as np
 
 from postproc.arrays import TINY, BoolArray
 from postproc.cell import Cell
-from postproc.errors import Finding, Severity, SourceRef
+from postproc.errors import Finding, Severity, SourceRef, listed
 from postproc.model import Cycle, CycleKind, Event, EventKind, MotionKind, ToolPath
 from postproc.process.feeds import feeds_of
 from postproc.process.spindle import turns_at
@@ -130,14 +130,12 @@ def _made_twice(toolpath: ToolPath) -> list[Finding]:
     tags = np.flatnonzero(into & cut & same & (along > TINY)) + 1
     if not len(tags):
         return []
-    lines = ", ".join(str(int(line)) for line in toolpath.line[tags[:12]])
-    more = f" and {len(tags) - 12} more" if len(tags) > 12 else ""
     return [
         Finding(
             Severity.ERROR,
             "PRC010",
             f"the unit feeds, but {len(tags)} feed moves go into the part along the tool axis: "
-            f"lines {lines}{more}",
+            f"lines {listed(toolpath.line[tags].tolist())}",
             int(tags[0]),
             toolpath.source(int(tags[0])),
             hint='post the holes as drill cycles, or set [process] feed_by = "robot"',

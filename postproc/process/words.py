@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from postproc.errors import LISTED, Finding, RunKind, Severity, SourceRef
+from postproc.errors import Finding, RunKind, Severity, SourceRef, listed
 from postproc.model import ToolPath, WordUse
 
 
@@ -28,10 +28,7 @@ def refusals(findings: Iterable[Finding]) -> tuple[Finding, ...]:
 
 def _lines_text(lines: Sequence[int]) -> str:
     """Return ``line 7``, or ``lines 7, 9 and 3 more`` with at most a dozen numbers."""
-    shown = ", ".join(str(line) for line in lines[:LISTED])
-    more = len(lines) - LISTED
-    word = "line" if len(lines) == 1 else "lines"
-    return f"{word} {shown} and {more} more" if more > 0 else f"{word} {shown}"
+    return f"{'line' if len(lines) == 1 else 'lines'} {listed(lines)}"
 
 
 def _refused(toolpath: ToolPath, use: WordUse) -> Finding:

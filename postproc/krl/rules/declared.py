@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Iterator
 from pathlib import PurePath
 
+from postproc.errors import listed
 from postproc.krl import text as krl
 from postproc.krl.rules.expressions import NAMELESS, move_values, values_of
 from postproc.krl.rules.naming import BUILT_IN, global_names
@@ -143,9 +144,7 @@ def _is_system(module: krl.KrlModule) -> bool:
 
 
 def _listed(names: list[str]) -> str:
-    unique = list(dict.fromkeys(names))
-    more = f" and {len(unique) - 8} more" if len(unique) > 8 else ""
-    return ", ".join(unique[:8]) + more
+    return listed(list(dict.fromkeys(names)), 8)
 
 
 def _global_types(module: krl.KrlModule) -> set[str]:
@@ -250,9 +249,7 @@ def _unused_points(subject: Subject, module: krl.KrlModule, used: set[str]) -> N
         if variable.name.upper() not in used
     ]
     if unused:
-        names = ", ".join(name for name, _ in unused[:5])
-        more = f" and {len(unused) - 5} more" if len(unused) > 5 else ""
-        message = f"points that nothing uses: {names}{more}"
+        message = f"points that nothing uses: {listed([name for name, _ in unused], 5)}"
         subject.add(5, NOTE, module.dat_path, unused[0][1], message)
 
 

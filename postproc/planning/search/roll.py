@@ -18,7 +18,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray, runs
-from postproc.errors import LISTED, Finding, Severity
+from postproc.errors import Finding, Severity, listed
 from postproc.geometry import twist_about
 from postproc.kinematics import wrapped
 from postproc.ladder import NONE
@@ -97,12 +97,11 @@ def _noted(checker: Checker, rolling: list[tuple[float, int]]) -> list[Finding]:
     if not rolling:
         return []
     toolpath, first = checker.problem.toolpath, rolling[0][1]
-    lines = ", ".join(str(int(toolpath.line[tag])) for _, tag in rolling[:LISTED])
-    more = f" and {len(rolling) - LISTED} more" if len(rolling) > LISTED else ""
+    lines = toolpath.line[[tag for _, tag in rolling]].tolist()
     most = max(roll for roll, _ in rolling) / DEG
     text = (
         f"the tool rolls by up to {most:{'.0f' if most > 10.0 else '.2g'}} deg while it goes "
-        f"straight along its axis: lines {lines}{more}"
+        f"straight along its axis: lines {listed(lines)}"
     )
     hint = "cuts go on from both ends of the stroke, or no single turn was found for all of it"
     source = toolpath.source(first)
