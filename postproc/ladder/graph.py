@@ -121,7 +121,7 @@ class Graph:
     tolls: Tolls | None = None
     _square: FloatArray = field(init=False)
     _forbidden: dict[int, IndexArray] = field(init=False, default_factory=dict)
-    _scratch: FloatArray = field(init=False, default_factory=lambda: np.empty(0))
+    _scratch: FloatArray = field(init=False, default_factory=lambda: np.empty(_KEPT))
     _lists: dict[int, tuple[Listed, int] | None] = field(init=False, default_factory=dict)
     _room_left: int = field(init=False, default=MOST_LISTED)
 
@@ -250,10 +250,16 @@ class Graph:
 
         Good until the next call.
         """
-        weight = float(self.weight[i])
-        left, right = self.left(now, weight), self.right(before, weight)
+        weight, d = float(self.weight[i]), self.position.shape[1]
+        left, right = self._factors(now, 1), self._factors(before, 0)
+        left[:, :d] *= -2.0 * weight
+        left[:, -2], left[:, -1] = 1.0, self._square[now]
+        right[:, -2], right[:, -1] = self._square[before] * weight, weight
         right[:, -2] += value[before]
-        steps: FloatArray = np.matmul(left, right.T, out=self.room(len(left), len(right)))
+        room, shape = None, (len(left), len(right))
+        if len(left) * len(right) <= _KEPT:
+            room = self._scratch[: len(left) * len(right)].reshape(shape)
+        steps: FloatArray = np.matmul(left, right.T, out=room)
         forbidden = self._forbidden.get(i)
         if self.rule[i] == CHAIN or forbidden is not None:
             start, to = (
@@ -266,56 +272,18 @@ class Graph:
                 _put_out(steps, start, to, forbidden)
         return steps
 
-    def left(self, now: IndexArray | slice, weight: FloatArray | float) -> FloatArray:
-        """Return the rows (m, d+k+2) of the product of steps with weights (m,) into states.
+    def _factors(self, states: IndexArray | slice, side: int) -> FloatArray:
+        """Return the positions of states, their tolls on a side, and room for two columns more.
 
         All in double precision: joints in single place a state, and nothing is lost in between.
         """
-        position, square = self._at(now)
-        rows, d = self._factors_of(now, 1, position)
-        scale = np.reshape(-2.0 * np.asarray(weight), (-1, 1))
-        np.multiply(position, scale, out=rows[:, :d])
-        rows[:, -2], rows[:, -1] = 1.0, square
-        return rows
-
-    def right(self, before: IndexArray | slice, weight: FloatArray | float) -> FloatArray:
-        """Return the columns (m, d+k+2) of the product of steps with weights (m,) out of states.
-
-        What leads to each is to be added to the last but one.
-        """
-        position, square = self._at(before)
-        columns, d = self._factors_of(before, 0, position)
-        columns[:, :d] = position
-        np.multiply(square, weight, out=columns[:, -2])
-        columns[:, -1] = weight
-        return columns
-
-    def _factors_of(
-        self, states: IndexArray | slice, side: int, position: NDArray[np.floating[Any]]
-    ) -> tuple[FloatArray, int]:
-        """Return room for the factors of states with their tolls in it, and where these begin."""
-        m, d = position.shape
-        if self.tolls is None:
-            return np.empty((m, d + 2)), d
-        tolls = self.tolls[side]
-        factors = np.empty((m, d + 2 + tolls.shape[1]))
-        factors[:, d:-2] = tolls[states]
-        return factors, d
-
-    def room(self, rows: int, columns: int) -> FloatArray | None:
-        """Return where to work steps out, None for new memory; good until the next call."""
-        size = rows * columns
-        if size > _KEPT:
-            return None
-        if self._scratch.size < size:
-            self._scratch = np.empty(_KEPT)
-        return self._scratch[:size].reshape(rows, columns)
-
-    def _at(self, states: IndexArray | slice) -> tuple[NDArray[np.floating[Any]], FloatArray]:
-        """Return positions (m, d) of states and their squares (m,)."""
-        if isinstance(states, slice):
-            return self.position[states], self._square[states]
-        return self.position.take(states, axis=0), self._square.take(states)
+        d, tolls = self.position.shape[1], self.tolls
+        position = self.position[states]
+        factors = np.empty((len(position), d + 2 + (tolls[side].shape[1] if tolls else 0)))
+        factors[:, :d] = position
+        if tolls is not None:
+            factors[:, d:-2] = tolls[side][states]
+        return factors
 
     def _keep_chain(
         self,

@@ -4,8 +4,7 @@ The search is exact dynamic programming: only values and back pointers stay.
 Removing states (a collision found on the best way) repairs the values from the first changed rung
 on and stops as soon as the values agree again up to a constant. Parts of a long chain that
 never meet differ by another constant up to its end, so far behind a change the rest is put off: the
-way found meanwhile can be run, and ``settle`` makes it the best one. A rung of few free steps is
-worked out anew at once: one product takes less time than to tell which of its states changed.
+way found meanwhile can be run, and ``settle`` makes it the best one.
 Between two wide rungs the steps are worked out in blocks, a chain's group by group, so that memory
 stays bounded.
 """
@@ -13,7 +12,6 @@ stays bounded.
 from __future__ import annotations
 
 from dataclasses import field
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,28 +28,6 @@ _SPLIT = 30_000
 _SAME = 1e-11
 NEAR = 20
 """So many rungs behind a change values are repaired at once, those farther off when asked for."""
-_QUICK = 100_000
-"""So many free steps are worked out anew before it is known which of them changed."""
-_LOOK = 4
-"""Behind a change such rungs are worked out so many at a time before it is asked what changed."""
-_AT_ONCE = 64
-"""Rungs of which the factors of the steps are made together."""
-
-
-class _Factors(NamedTuple):
-    """Factors of the steps into rungs ``first`` to ``last`` - 1, as of ``Graph``.
-
-    ``before``, ``low``: the first states of the rung before the first one, and of that one.
-    ``start``: of the factors on the right what is added to the values of their states.
-    """
-
-    first: int
-    last: int
-    before: int
-    low: int
-    left: FloatArray
-    right: FloatArray
-    start: FloatArray
 
 
 @dataclass(slots=True)
@@ -61,9 +37,6 @@ class Ladder(Graph):
     value: FloatArray = field(init=False)
     back: NDArray[np.uint16] = field(init=False)
     broken: BoolArray = field(init=False)
-    _is_quick: BoolArray = field(init=False)
-    _every: IndexArray = field(init=False)
-    _factors: _Factors | None = field(init=False, default=None)
     _solved: bool = field(init=False, default=False)
     _seen: dict[int, FloatArray] = field(init=False, default_factory=dict)
 
@@ -74,10 +47,6 @@ class Ladder(Graph):
         self.value = np.full(states, np.inf)
         self.back = np.zeros(states, dtype=np.uint16)
         self.broken = np.zeros(len(self), dtype=np.bool_)
-        size = np.diff(self.offsets)
-        steps = np.append(0, size[1:] * size[:-1])[: len(self)]
-        self._is_quick = (self.rule != CHAIN) & (steps > 0) & (steps <= _QUICK)
-        self._every = np.arange(int(size.max(initial=0)))
 
     def settle(self) -> bool:
         """Repair what was put off behind changes; return whether anything was."""
@@ -95,43 +64,6 @@ class Ladder(Graph):
         for i in range(len(self)):
             self._update(i)
         self._solved = True
-
-    def _is_swept(self, i: int) -> bool:
-        """Return whether a rung is worked out anew from all steps, whatever changed before it."""
-        return i < len(self) and bool(self._is_quick[i]) and i not in self.forbidden
-
-    def _swept(self, i: int, low: int, high: int) -> FloatArray | None:
-        """Return the values (m,) of a rung into which every step may be done; None: none can be.
-
-        The factors of the steps are made for it and those behind it together.
-        """
-        part = self._factors
-        if part is None or not part.first <= i < part.last:
-            part = self._factors = self._factored(i)
-        before = int(self.offsets[i - 1])
-        left = part.left[low - part.low : high - part.low]
-        right = part.right[before - part.before : low - part.before]
-        start = part.start[before - part.before : low - part.before]
-        np.add(start, self.value[before:low], out=right[:, -2])
-        steps = np.matmul(left, right.T, out=self.room(high - low, low - before))
-        back = steps.argmin(axis=1)
-        value: FloatArray = steps[self._every[: high - low], back]
-        value += self.cost[low:high]
-        if not value[value.argmin()] < np.inf:
-            return None
-        self.back[low:high], self.broken[i] = back, False
-        return value
-
-    def _factored(self, first: int) -> _Factors:
-        """Return the factors of the steps into a rung and into some behind it."""
-        last = first + 1
-        while last < min(first + _AT_ONCE, len(self)) and self._is_quick[last]:
-            last += 1
-        before, low, end, high = self.offsets[[first - 1, first, last - 1, last]].tolist()
-        size, weight = np.diff(self.offsets[first - 1 : last + 1]), self.weight[first:last]
-        left = self.left(slice(low, high), np.repeat(weight, size[1:]))
-        right = self.right(slice(before, end), np.repeat(weight, size[:-1]))
-        return _Factors(first, last, before, low, left, right, right[:, -2].copy())
 
     def take_over(self, known: Ladder, moved: IndexArray, rungs: IndexArray) -> None:
         """Take values and forbidden steps of a solved ladder, and solve what is new.
@@ -296,9 +228,6 @@ class Ladder(Graph):
                 while waiting and waiting[-1] <= i:
                     last = waiting.pop()
                 i += 1
-                if (i - last) % _LOOK and i - last <= reach and self._is_swept(i):
-                    self._seen.pop(i, None)
-                    continue
                 shift = self._since(i, old)
                 if (np.abs(shift) <= _SAME).all():
                     break
@@ -324,8 +253,6 @@ class Ladder(Graph):
         value = None
         if self.is_given_up(i):
             self.broken[i], value = True, self.cost[low:high].copy()
-        elif self._is_swept(i):
-            value = self._swept(i, low, high)
         elif self._solved and i and (listed := self.listed(i)) is not None:
             value = self._from_list(i, listed)
         if value is None:

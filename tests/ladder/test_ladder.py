@@ -285,7 +285,6 @@ def test_empty_and_single_rungs():
 @pytest.mark.parametrize("wide", [1, 7, 60])
 @pytest.mark.parametrize("seed", range(10))
 def test_wide_rungs_in_blocks_give_the_same(monkeypatch, seed, wide):
-    monkeypatch.setattr(ladder_module, "_QUICK", 0)
     rng = np.random.default_rng(seed)
     whole = random_ladder(rng, rungs=20, most=25, least=1)
     blocks = Ladder(
@@ -302,32 +301,3 @@ def test_wide_rungs_in_blocks_give_the_same(monkeypatch, seed, wide):
     assert np.array_equal(*paths)
     assert np.array_equal(whole.broken, blocks.broken)
     assert whole.total(paths[0]) == pytest.approx(blocks.total(paths[1]), abs=1e-12)
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_rungs_swept_together_give_what_each_alone_gives(monkeypatch, seed):
-    """Dead rungs, empty ones and chains between them, before and after states and steps go."""
-    rng = np.random.default_rng(seed)
-    ladders = []
-    for quick in (10**9, 0):
-        monkeypatch.setattr(ladder_module, "_QUICK", quick)
-        monkeypatch.setattr(ladder_module, "_AT_ONCE", 7)
-        ladders.append(
-            random_ladder(
-                np.random.default_rng(seed), rungs=40, most=6, dead=0.3, chain=0.1, least=0
-            )
-        )
-    together, alone = ladders
-    for ladder in ladders:
-        ladder.solve()
-    for _ in range(8):
-        assert np.array_equal(together.broken, alone.broken)
-        assert together.value == pytest.approx(alone.value, abs=1e-10)
-        assert np.array_equal(together.path(), alone.path())
-        way = alone.path()
-        out = np.unique(rng.choice(way[way != NONE], 3))
-        step = np.flatnonzero((way[1:] != NONE) & (way[:-1] != NONE))[:1]
-        for ladder in ladders:
-            ladder.remove(out)
-            ladder.forbid([(int(way[i]), int(way[i + 1])) for i in step])
-            ladder.settle()

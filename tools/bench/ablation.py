@@ -113,7 +113,6 @@ OFF: dict[str, tuple[Switch, ...]] = {
     "drawn in": ((ROUTE + "connect", "_drawn_in", lambda c, s, g, e, ways: ways),),
     "seem free": ((ROUTE + "connect", "seem_free", lambda c, s, *a: np.ones(len(s), bool)),),
     "listed": (("postproc.ladder.graph.Graph", "_list", _none),),
-    "swept": (("postproc.ladder.ladder.Ladder", "_is_swept", _no),),
     "put off": (("postproc.ladder.ladder", "NEAR", 10**9),),
 }
 OFF |= {

@@ -10,6 +10,7 @@ import numpy as np
 
 from postproc.arrays import AT_ONCE, ROUNDING, BoolArray, FloatArray, IndexArray, numbered, taken
 from postproc.geometry import STEP_SWEEP, arc_poses, line_poses, path_length, rotation_angle
+from postproc.model import Arcs
 from postproc.planning.states import Problem, Strokes
 from postproc.records import dataclass
 from postproc.units import DEG, MM
@@ -85,7 +86,7 @@ class Lines:
         branch: (m,); contact: (m,) the tool may touch the workpiece.
         external: (m, k) where the external axes stand at start and at end [m or rad]; in between
             they move in step with the way.
-        centre, normal, radius, sweep: of an arc; sweep 0 means straight.
+        arcs: (m,) sweep 0 means straight; None: all are.
         tilts: (m, 3) [rad] by which the tool is tilted at start and end of arcs, as ``arc_poses``.
     """
 
@@ -96,10 +97,7 @@ class Lines:
     branch: IndexArray
     contact: BoolArray
     external: tuple[FloatArray, FloatArray]
-    centre: FloatArray | None = None
-    normal: FloatArray | None = None
-    radius: FloatArray | None = None
-    sweep: FloatArray | None = None
+    arcs: Arcs | None = None
     tilts: tuple[FloatArray, FloatArray] | None = None
 
     def __len__(self) -> int:
@@ -109,7 +107,9 @@ class Lines:
     def cut(self, own: slice) -> Lines:
         """Return some of the motions."""
 
-        def part(column: Any) -> Any:  # noqa: ANN401 - a column, a pair of them, or none
+        def part(column: Any) -> Any:  # noqa: ANN401 - a column, a pair of them, arcs, or none
+            if isinstance(column, Arcs):
+                return column.rows(np.arange(len(self))[own])
             return tuple(map(part, column)) if isinstance(column, tuple) else column[own]
 
         columns = {f.name: getattr(self, f.name) for f in fields(self)}
@@ -125,9 +125,9 @@ class Lines:
     def length(self) -> FloatArray:
         """(m,) [m] along the path."""
         start, end = self.T_from[:, :3, 3], self.T_to[:, :3, 3]
-        if self.sweep is None or self.radius is None:
+        if self.arcs is None:
             return np.asarray(np.linalg.norm(end - start, axis=1))
-        return path_length(start, end, self.radius, self.sweep)
+        return path_length(start, end, self.arcs.radius, self.arcs.sweep)
 
 
 @dataclass(slots=True)
@@ -403,8 +403,8 @@ class Checker:
         """Return row and share of every sample, both ends of each motion included."""
         turn = rotation_angle(lines.T_from[:, :3, :3], lines.T_to[:, :3, :3])
         size = np.maximum(lines.length / STEP_LENGTH, turn / STEP_ANGLE)
-        if lines.sweep is not None:
-            size = np.maximum(size, lines.sweep / STEP_SWEEP)
+        if lines.arcs is not None:
+            size = np.maximum(size, lines.arcs.sweep / STEP_SWEEP)
         size -= ROUNDING
         pieces = np.ceil(np.maximum(size, np.where(size > SHORT, 2.0, 1.0))).astype(np.int64)
         row, step = numbered(pieces + 1)
@@ -466,18 +466,18 @@ def _farthest(q: FloatArray, piece: IndexArray) -> tuple[FloatArray, FloatArray]
 def poses_between(lines: Lines, row: IndexArray, share: FloatArray) -> FloatArray:
     """Return T_base_tcp (k, 4, 4) at ``share`` (k,) of motions ``row`` (k,)."""
     T_a, T_b = taken(lines.T_from, row), taken(lines.T_to, row)
-    if lines.sweep is None or lines.centre is None or lines.normal is None:
-        return line_poses(T_a, T_b, share)
-    poses = line_poses(T_a, T_b, share)
-    round_ = np.nonzero(lines.sweep[row] > 0.0)[0]
+    poses, arcs = line_poses(T_a, T_b, share), lines.arcs
+    if arcs is None:
+        return poses
+    round_ = np.nonzero(arcs.sweep[row] > 0.0)[0]
     if len(round_):
         which = row[round_]
         poses[round_] = arc_poses(
             T_a[round_],
             T_b[round_],
-            lines.centre[which],
-            lines.normal[which],
-            lines.sweep[which],
+            arcs.centre[which],
+            arcs.normal[which],
+            arcs.sweep[which],
             share[round_],
             None if lines.tilts is None else (lines.tilts[0][which], lines.tilts[1][which]),
         )

@@ -9,7 +9,7 @@ import numpy as np
 from postproc.arrays import ROUNDING, BoolArray, FloatArray, IndexArray
 from postproc.errors import Finding, Severity
 from postproc.geometry import rotation_angle
-from postproc.model import MoveKind, MoveRole
+from postproc.model import Arcs, MoveKind, MoveRole
 from postproc.paths import joint_path, joint_times, top_speeds, torques_of
 from postproc.planning.checks import (
     LOWER,
@@ -130,6 +130,8 @@ def followed_speeds(checker: Checker, table: Moves) -> FloatArray:
 
 
 def _lines(table: Moves, rows: IndexArray, branch: IndexArray) -> Lines:
+    centre, end = table.centre[rows], table.T_base_tcp[rows, :3, 3]
+    radius = np.linalg.norm(end - centre, axis=1)
     return Lines(
         T_from=table.T_base_tcp[rows - 1],
         T_to=table.T_base_tcp[rows],
@@ -138,10 +140,7 @@ def _lines(table: Moves, rows: IndexArray, branch: IndexArray) -> Lines:
         branch=branch[rows],
         contact=np.ones(len(rows), dtype=np.bool_),
         external=(table.external[rows - 1], table.external[rows]),
-        centre=table.centre[rows],
-        normal=table.normal[rows],
-        radius=np.linalg.norm(table.T_base_tcp[rows, :3, 3] - table.centre[rows], axis=1),
-        sweep=table.sweep[rows],
+        arcs=Arcs(centre, table.normal[rows], radius, table.sweep[rows]),
     )
 
 

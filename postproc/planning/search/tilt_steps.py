@@ -8,7 +8,7 @@ steps are taken out of the graph beforehand, where a search would have to refute
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -206,9 +206,8 @@ def as_arcs(problem: Problem, tags: IndexArray, lines: Lines) -> None:
     if not len(arcs) or not is_arc.any():
         return
     number = np.asarray(problem.toolpath.arc)[tags]
-    lines.centre, lines.normal = arcs.centre[number], arcs.normal[number]
-    lines.radius = arcs.radius[number]
-    lines.sweep = np.where(is_arc, arcs.sweep[number], 0.0)
+    sweep = np.where(is_arc, arcs.sweep[number], 0.0)
+    lines.arcs = replace(arcs.rows(number), sweep=sweep)
 
 
 def exceeds_tilt(
@@ -284,7 +283,7 @@ def _around(problem: Problem, tags: IndexArray) -> FloatArray:
 def _axes_between(lines: Lines, rows: IndexArray, tool_axis: FloatArray) -> FloatArray:
     """Return the tool axes (m, k, 3) on the way of cuts ``rows`` (m,), at ``_SHARES`` of it."""
     count = len(_SHARES)
-    if lines.sweep is not None and lines.sweep[rows].any():
+    if lines.arcs is not None and lines.arcs.sweep[rows].any():
         T = poses_between(lines, np.repeat(rows, count), np.tile(_SHARES, len(rows)))
         return np.asarray(T[:, :3, :3] @ tool_axis).reshape(len(rows), count, 3)
     R = lines.T_from[rows, :3, :3]
