@@ -14,6 +14,7 @@ from postproc.planning.job import problem_of
 from postproc.planning.route import connect, tree
 from postproc.planning.route.connect import Ends, detours, free_way
 from postproc.planning.route.tree import ROUNDS, folded_ways, rrt_connect
+from postproc.planning.states import Chosen
 from postproc.planning.states.settings import (
     settle,
 )
@@ -44,6 +45,10 @@ def checker_of(make_cell, make_path):
 STANDING = np.zeros(0)
 PLATE = ("plate", [1.0, 0.02, 3.0], 1.8, 0.0, 1.5)
 POST = ("post", [0.1, 0.1, 1.6], 2.15, 0.0, 2.2)
+UPRIGHT = Chosen(
+    np.zeros((2, 3)), np.zeros(2, int), np.zeros((2, 6)), np.ones(2, bool), np.zeros(2, bool)
+)
+"""Tags that no way backs off from."""
 
 
 def swings(count):
@@ -121,8 +126,7 @@ def test_the_arm_folds_past_what_stands_before_it(checker_of, monkeypatch):
     ends = swings(12)
     assert not checker.joint_moves(ends.q_from, ends.q_to, STANDING).good.any()
     monkeypatch.setattr(connect, "rrt_connect", lambda *args: pytest.fail("a tree is grown"))
-    nothing = np.zeros((2, 3)), np.zeros(2, dtype=np.int64)
-    ways = {row: way.q for row, way in detours(checker, ends, *nothing).items()}
+    ways = {row: way.q for row, way in detours(checker, UPRIGHT, ends).items()}
     assert sorted(ways) == list(range(12))
     assert checker.free_poses(legs(ends, ways, 400), STANDING).all()
     alone = free_way(checker, ends.q_from[3], ends.q_to[3], STANDING)
@@ -164,8 +168,7 @@ def test_ways_round_are_drawn_in_to_what_saves_time(checker_of, block, share):
     ways = connect._folded(checker, ends, np.arange(6))
     rest = np.setdiff1d(np.arange(6), list(ways))
     ways |= connect._by_trees(checker, ends, rest, connect.GIVE_UP)
-    nothing = np.zeros((2, 3)), np.zeros(2, dtype=np.int64)
-    drawn = {row: way.q for row, way in sorted(detours(checker, ends, *nothing).items())}
+    drawn = {row: way.q for row, way in sorted(detours(checker, UPRIGHT, ends).items())}
     first = {row: ways[row] for row in drawn}
     assert list(drawn) == list(range(6))
     assert checker.free_poses(legs(ends, drawn, 400), STANDING).all()
@@ -177,8 +180,7 @@ def test_ways_round_are_drawn_in_to_what_saves_time(checker_of, block, share):
 def test_ways_that_are_only_asked_for_are_not_drawn_in(checker_of, monkeypatch):
     monkeypatch.setattr(connect, "_pulled", lambda *args: pytest.fail("a point is drawn in"))
     checker = checker_of(solid("beam", [0.1, 0.1, 3.0], 2.2, 0.0, 1.5))
-    nothing = np.zeros((2, 3)), np.zeros(2, dtype=np.int64)
-    assert connect.all_joined(checker, swings(3), *nothing)
+    assert connect.all_joined(checker, UPRIGHT, swings(3))
 
 
 def proofs_of(checker, monkeypatch):

@@ -13,8 +13,10 @@ from dataclasses import replace
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray, Table
-from postproc.planning.checks import Checker, Lines, Reason
+from postproc.errors import Finding
+from postproc.planning.checks import LEAD_OUT, Checker, Lines, Reason, failure
 from postproc.planning.route.tree import ROUNDS, folded_ways, rrt_connect, seem_free, way_times
+from postproc.planning.states import Chosen
 from postproc.records import dataclass
 from postproc.units import MM
 
@@ -83,9 +85,7 @@ class Detour:
     last_is_line: bool
 
 
-def detours(
-    checker: Checker, ends: Ends, attitude: FloatArray, branch: IndexArray
-) -> dict[int, Detour]:
+def detours(checker: Checker, chosen: Chosen, ends: Ends) -> dict[int, Detour]:
     """Return free ways round for connections (m,) by row; rows without one are missing.
 
     Of those the first ``GIVE_UP`` were searched for by trees, the others were not.
@@ -93,11 +93,11 @@ def detours(
     ways: dict[int, Detour] = {}
     for heights in BACK_OFF:
         rows = np.setdiff1d(np.arange(len(ends)), list(ways))
-        ways |= _by_backing_off(checker, ends, rows, attitude, branch, heights)
+        ways |= _by_backing_off(checker, chosen, ends, rows, heights)
     rows = np.setdiff1d(np.arange(len(ends)), list(ways))
     if not len(rows):
         return ways
-    out, can_leave = _lifted_ends(checker, ends, attitude, branch)
+    out, can_leave = _lifted_ends(checker, chosen, ends)
     rows = rows[can_leave[rows]]
     found = _folded(checker, out, rows)
     rows = np.setdiff1d(rows, list(found))
@@ -110,63 +110,69 @@ def detours(
     return ways
 
 
-def all_joined(checker: Checker, ends: Ends, attitude: FloatArray, branch: IndexArray) -> bool:
+def all_joined(checker: Checker, chosen: Chosen, ends: Ends) -> bool:
     """Return whether free ways round are found for all connections (m,); looks no further."""
-    out, can_leave = _lifted_ends(checker, ends, attitude, branch)
+    out, can_leave = _lifted_ends(checker, chosen, ends)
     if not can_leave.all():
         return False
     rows = np.arange(len(ends))
     rows = np.setdiff1d(rows, list(_folded(checker, out, rows)))
     for heights in BACK_OFF:
-        backed = _by_backing_off(checker, ends, rows, attitude, branch, heights)
+        backed = _by_backing_off(checker, chosen, ends, rows, heights)
         rows = np.setdiff1d(rows, list(backed))
     return len(_by_trees(checker, out, rows, 1, _ASKED)) == len(rows)
 
 
-def _lifted_ends(
-    checker: Checker, ends: Ends, attitude: FloatArray, branch: IndexArray
-) -> tuple[Ends, BoolArray]:
+def _lifted_ends(checker: Checker, chosen: Chosen, ends: Ends) -> tuple[Ends, BoolArray]:
     """Return connections from where the tool has backed off as it must, and where it can (m,)."""
-    q, is_out = backed_off(checker, ends, attitude, branch)
+    q, is_out = backed_off(checker, chosen, ends)
     lifted = replace(ends, q_from=np.where(is_out[:, None], q, ends.q_from))
     return lifted, is_out | ~(ends.lift > 0.0)
 
 
-def backed_off(
-    checker: Checker, ends: Ends, attitude: FloatArray, branch: IndexArray
-) -> tuple[FloatArray, BoolArray]:
+def backed_off(checker: Checker, chosen: Chosen, ends: Ends) -> tuple[FloatArray, BoolArray]:
     """Return the joints (m, 6) once the tool has backed off as it must, and where it can (m,)."""
     start = (ends.tag_from, ends.height_from, ends.q_from)
-    q, is_free = _lifted(checker, *start, attitude, branch, ends.lift, ends.lift > 0.0)
+    q, is_free = _lifted(checker, chosen, *start, ends.lift, ends.lift > 0.0)
     return q, is_free & (ends.lift > 0.0)
 
 
-def why_stuck(
-    checker: Checker, ends: Ends, row: int, attitude: FloatArray, branch: IndexArray
-) -> Reason:
-    """Return why the tool of a connection cannot back off as it must at its start."""
-    problem, at = checker.problem, ends.tag_from[row : row + 1]
-    height = ends.height_from[row] + ends.lift[row]
-    T, external = problem.placement.tcp(at, attitude[at], height), ends.external[row : row + 1]
-    q, reached = problem.solve(T, external, branch[at], ends.q_from[row : row + 1])
-    if not reached[0]:
-        return Reason.UNREACHABLE
-    if not problem.within(q)[0]:
-        return Reason.JOINT_LIMIT
-    return Reason.COLLISION if problem.regular(q)[0] else Reason.SINGULAR
+def stuck(
+    checker: Checker, chosen: Chosen, ends: Ends, row: int, tag: int, what: str
+) -> Finding | None:
+    """Return why the tool of a connection cannot back off as it must, None where it can.
+
+    Args:
+        checker: of the toolpath.
+        chosen: poses of its tags.
+        ends: of connections.
+        row: which of them.
+        tag: that the finding is about.
+        what: it cannot do.
+    """
+    one = ends.rows(np.array([row]))
+    if not one.lift[0] or backed_off(checker, chosen, one)[1][0]:
+        return None
+    problem, at = checker.problem, one.tag_from
+    T = problem.placement.tcp(at, chosen.attitude[at], one.height_from + one.lift)
+    q, reached = problem.solve(T, one.external, chosen.branch[at], one.q_from)
+    why = Reason.COLLISION if problem.regular(q)[0] else Reason.SINGULAR
+    if not reached[0] or not problem.within(q)[0]:
+        why = Reason.JOINT_LIMIT if reached[0] else Reason.UNREACHABLE
+    height = _way_up(checker, chosen, one)
+    hint = f"{LEAD_OUT} to {height / MM:.0f}" if height else LEAD_OUT
+    return failure(problem, tag, why, what, hint)
 
 
-def way_up(
-    checker: Checker, ends: Ends, row: int, attitude: FloatArray, branch: IndexArray
-) -> float:
+def _way_up(checker: Checker, chosen: Chosen, one: Ends) -> float:
     """Return how far [m] the tool of a connection can back off that cannot as it must.
 
     Whole millimetres, 0 where it is not one; of a long way some heights are tried.
     """
-    most = int(np.ceil(ends.lift[row] / MM)) - 1
+    most = int(np.ceil(one.lift[0] / MM)) - 1
     heights = np.unique(np.linspace(most, 1, min(max(most, 0), _HEIGHTS)).astype(int)) * MM
-    some = ends.rows(np.full(len(heights), row))
-    free = backed_off(checker, replace(some, lift=heights), attitude, branch)[1]
+    some = one.rows(np.zeros(len(heights), dtype=np.int64))
+    free = backed_off(checker, chosen, replace(some, lift=heights))[1]
     return float(heights[free].max(initial=0.0))
 
 
@@ -333,12 +339,7 @@ def _length(start: FloatArray, way: FloatArray, end: FloatArray) -> FloatArray:
 
 
 def _by_backing_off(
-    checker: Checker,
-    ends: Ends,
-    rows: IndexArray,
-    attitude: FloatArray,
-    branch: IndexArray,
-    heights: tuple[float, ...],
+    checker: Checker, chosen: Chosen, ends: Ends, rows: IndexArray, heights: tuple[float, ...]
 ) -> dict[int, Detour]:
     """Return free ways by row, of some rows, whose ends back off: by the first of heights [m]."""
     tried = [(row, height) for height in heights for row in rows if height or ends.lift[row]]
@@ -349,11 +350,10 @@ def _by_backing_off(
     must = part.lift > 0.0
     q, free = _lifted(
         checker,
+        chosen,
         np.concatenate([part.tag_from, part.tag_to]),
         np.concatenate([part.height_from, part.height_to]),
         np.concatenate([part.q_from, part.q_to]),
-        attitude,
-        branch,
         np.concatenate([np.maximum(height, part.lift), height]),
         np.concatenate([must, np.zeros_like(must)]),
     )
@@ -378,16 +378,15 @@ def _by_backing_off(
 
 def _lifted(
     checker: Checker,
+    chosen: Chosen,
     tag: IndexArray,
     base: FloatArray,
     q: FloatArray,
-    attitude: FloatArray,
-    branch: IndexArray,
     height: FloatArray,
     contact: BoolArray,
 ) -> tuple[FloatArray, BoolArray]:
     """Return the joints (m, 6) ``height`` (m,) above where tools stand, and if the way is free."""
-    problem = checker.problem
+    problem, attitude, branch = checker.problem, chosen.attitude, chosen.branch
     low = problem.placement.tcp(tag, attitude[tag], base)
     high = problem.placement.tcp(tag, attitude[tag], base + height)
     external = problem.placement.external[tag]

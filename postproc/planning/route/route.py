@@ -12,7 +12,7 @@ from postproc.cell import PathEntry
 from postproc.errors import Finding
 from postproc.geometry import inverse
 from postproc.model import CUTS, EventKind, MotionKind, MoveKind, MoveRole
-from postproc.planning.checks import LEAD_OUT, Checker, Lines, Reason, Verdict, failure
+from postproc.planning.checks import Checker, Lines, Reason, Verdict, failure
 from postproc.planning.route.connect import (
     GIVE_UP,
     Detour,
@@ -21,16 +21,14 @@ from postproc.planning.route.connect import (
     backed_off,
     detours,
     free_way,
-    way_up,
-    why_stuck,
+    stuck,
 )
-from postproc.planning.route.speeds import Timed, can_be_told, followed_speeds, timed
+from postproc.planning.route.speeds import Timed, can_be_told, timed
 from postproc.planning.route.thin import Left, corner_tolerances, thinned
 from postproc.planning.route.working import ARRIVE, LEAVE, cut_moves, hole_moves, step_rows
 from postproc.planning.states import Chosen, Moves, Problem, in_order, moves
 from postproc.process import feeds_out, hole_steps, on_the_way_out
 from postproc.records import dataclass
-from postproc.units import MM
 
 STOPS = frozenset(EventKind) - {EventKind.MESSAGE, EventKind.UNKNOWN}
 """Events before which the robot stands still."""
@@ -84,44 +82,38 @@ def route(checker: Checker, chosen: Chosen, *, goes_on: bool = False, runs: bool
     findings: list[Finding] = []
     gaps: list[Gap] = []
     holes = hole_moves(problem, checker.strokes, chosen)
-    arrives, leaves = _ends(problem, checker, chosen, np.arange(len(problem)))
+    arrives, leaves = _ends(checker, chosen, np.arange(len(problem)))
     findings += _shut_in(checker, chosen, arrives)
     parts = [*holes, *cut_moves(problem, chosen, arrives, leaves)]
     parts += _free_tags(problem, chosen)
     parts += _first_and_last(checker, chosen, arrives, leaves, findings, gaps, goes_on=goes_on)
     table = in_order(parts)
-    ends, arriving = _connections(checker, chosen, table, arrives, leaves)
+    first = np.flatnonzero(chosen.good).min(initial=len(chosen.good))
+    arriving = np.nonzero((table.kind == MoveKind.PTP) & (table.order == ARRIVE))[0]
+    arriving = arriving[table.tag[arriving] > first]
+    ends = _ends_into(checker, chosen, table.tag[arriving], arrives, leaves)
     as_line, blocked = _decide(checker, chosen, ends, findings, gaps, runs=runs)
     rapid = problem.cell.motion.rapid_speed
     rows = arriving[as_line]
     table.kind[rows] = MoveKind.LIN
     table.speed[rows] = rapid
     extra = [
-        _detour_moves(problem, ends, row, way, table, arriving, chosen)
+        _detour_moves(problem, ends, row, way, table, arriving)
         for row, way in sorted(blocked.items())
     ]
     if extra:
         table = in_order([table, *extra])
-    table, left = _thinned(checker, table)
+    kept, left = thinned(checker, table, _stops_before(problem, table))
+    table = table.rows(kept)
     tolerance = corner_tolerances(problem, table, left)
     result = timed(checker, table, _stops_before(problem, table), findings, tolerance, runs=runs)
     return Route(table, result, left, gaps, findings)
 
 
-def _thinned(checker: Checker, table: Moves) -> tuple[Moves, Left]:
-    problem = checker.problem
-    if problem.cell.motion.thin is None:
-        return table, Left.none(len(problem))
-    speed = followed_speeds(checker, table)
-    kept, left = thinned(checker, table, speed, _stops_before(problem, table))
-    return table.rows(kept), left
-
-
-def _ends(
-    problem: Problem, checker: Checker, chosen: Chosen, tags: IndexArray
-) -> tuple[FloatArray, FloatArray]:
+def _ends(checker: Checker, chosen: Chosen, tags: IndexArray) -> tuple[FloatArray, FloatArray]:
     """Return the joints (n, 6) in which the tool arrives at and leaves tags (m,)."""
-    height, ends = _arrival_heights(problem, chosen), []
+    problem, ends = checker.problem, []
+    height = _arrival_heights(problem, chosen)
     for top in (height, checker.strokes.top):
         q, at = chosen.q.copy(), tags[(top[tags] > 0.0) & chosen.good[tags]]
         T = problem.placement.tcp(at, chosen.attitude[at], top[at])
@@ -144,17 +136,10 @@ def _shut_in(checker: Checker, chosen: Chosen, arrives: FloatArray) -> list[Find
     none, height = np.zeros(len(tags)), problem.ways_in[tags]
     external = problem.placement.external[tags]
     ends = Ends(tags, tags, none, none, chosen.q[tags], arrives[tags], external, height)
-    is_free = backed_off(checker, ends, chosen.attitude, chosen.branch)[1]
-    return [
-        failure(
-            problem,
-            int(tags[row]),
-            why_stuck(checker, ends, row, chosen.attitude, chosen.branch),
-            _NO_WAY_IN,
-            _lead_out(checker, ends, row, chosen),
-        )
-        for row in np.flatnonzero(~is_free).tolist()
-    ]
+    is_free = backed_off(checker, chosen, ends)[1]
+    rows = np.flatnonzero(~is_free).tolist()
+    why = (stuck(checker, chosen, ends, row, int(tags[row]), _NO_WAY_IN) for row in rows)
+    return [finding for finding in why if finding]
 
 
 def _free_tags(problem: Problem, chosen: Chosen) -> list[Moves]:
@@ -228,24 +213,10 @@ def _out_of_material(
         return np.zeros((0, 6))
     external = checker.problem.placement.external[at]
     ends = Ends(at, at, none, none, q[at], q[at], external, lift)
-    up, is_free = backed_off(checker, ends, chosen.attitude, chosen.branch)
-    if not is_free[0]:
-        why = why_stuck(checker, ends, 0, chosen.attitude, chosen.branch)
-        hint = _lead_out(checker, ends, 0, chosen)
-        findings.append(failure(checker.problem, tag, why, _STUCK, hint))
+    up, is_free = backed_off(checker, chosen, ends)
+    why = stuck(checker, chosen, ends, 0, tag, _STUCK)
+    findings += [why] if why else []
     return up[is_free]
-
-
-def _cannot_leave(checker: Checker, chosen: Chosen, ends: Ends, row: int) -> bool:
-    """Return whether the tool must back off at the start of a connection, and cannot."""
-    one = ends.rows(np.array([row]))
-    return bool(one.lift[0]) and not backed_off(checker, one, chosen.attitude, chosen.branch)[1][0]
-
-
-def _lead_out(checker: Checker, ends: Ends, row: int, chosen: Chosen) -> str:
-    """Return what helps where the tool of a connection cannot back off as it must."""
-    height = way_up(checker, ends, row, chosen.attitude, chosen.branch)
-    return f"{LEAD_OUT} to {height / MM:.0f}" if height else LEAD_OUT
 
 
 def _moves_to(problem: Problem, tag: int, order: int, q: FloatArray, kind: MoveKind) -> Moves:
@@ -262,20 +233,6 @@ def _poses(problem: Problem, q: FloatArray, external: FloatArray) -> FloatArray:
     """Return T_base_tcp (k, 4, 4) of joints (k, 6) and external axes (k, e)."""
     T_robroot_tcp = problem.kinematics.fk(q) @ np.asarray(problem.cell.tool.T_flange_tcp)
     return np.asarray(inverse(problem.placement.base(external)) @ T_robroot_tcp)
-
-
-def _connections(
-    checker: Checker,
-    chosen: Chosen,
-    table: Moves,
-    arrives: FloatArray,
-    leaves: FloatArray,
-) -> tuple[Ends, IndexArray]:
-    """Return the ends of all joint moves but the first, and their rows in the table."""
-    arriving = np.nonzero((table.kind == MoveKind.PTP) & (table.order == ARRIVE))[0]
-    first = np.flatnonzero(chosen.good).min(initial=len(chosen.good))
-    arriving = arriving[table.tag[arriving] > first]
-    return _ends_into(checker, chosen, table.tag[arriving], arrives, leaves), arriving
 
 
 def _ends_into(
@@ -297,10 +254,10 @@ def has_ways(checker: Checker, chosen: Chosen, to: IndexArray) -> bool:
         return True
     good = np.flatnonzero(chosen.good)
     both = np.union1d(to, good[np.searchsorted(good, to) - 1])
-    ends = _ends_into(checker, chosen, to, *_ends(checker.problem, checker, chosen, both))
+    ends = _ends_into(checker, chosen, to, *_ends(checker, chosen, both))
     free = checker.joint_moves(ends.q_from, ends.q_to, ends.external).good & (ends.lift == 0.0)
     rows = np.flatnonzero(~free)
-    return all_joined(checker, ends.rows(rows), chosen.attitude, chosen.branch)
+    return all_joined(checker, chosen, ends.rows(rows))
 
 
 def _decide(
@@ -322,26 +279,24 @@ def _decide(
     as_line = _straight_rapids(checker, chosen, ends)
     rest = np.nonzero(~as_line)[0]
     verdict = checker.joint_moves(ends.q_from[rest], ends.q_to[rest], ends.external[rest])
-    stuck = np.nonzero(~verdict.good | (ends.lift[rest] > 0.0))[0]
-    found = detours(checker, ends.rows(rest[stuck]), chosen.attitude, chosen.branch)
-    for count, i in enumerate(i for i in range(len(stuck)) if i not in found):
-        row = int(rest[stuck[i]])
+    met = np.nonzero(~verdict.good | (ends.lift[rest] > 0.0))[0]
+    found = detours(checker, chosen, ends.rows(rest[met]))
+    for count, i in enumerate(i for i in range(len(met)) if i not in found):
+        row = int(rest[met[i]])
         if is_broken[row]:
             continue
         before, tag = int(ends.tag_from[row]), int(ends.tag_to[row])
-        if _cannot_leave(checker, chosen, ends, row):
-            why = why_stuck(checker, ends, row, chosen.attitude, chosen.branch)
-            hint = _lead_out(checker, ends, row, chosen)
-            findings.append(failure(problem, before, why, _STUCK, hint))
+        if why := stuck(checker, chosen, ends, row, before, _STUCK):
+            findings.append(why)
             continue
         walled = _walled_in(checker, ends.q_to[row], ends.external[row])
         name = problem.toolpath.tag_name(before)
-        detail = walled or _blocked(checker, verdict, int(stuck[i]), name)
+        detail = walled or _blocked(checker, verdict, int(met[i]), name)
         hint = _NOT_SEARCHED if count >= GIVE_UP else ""
         findings.append(failure(problem, tag, Reason.COLLISION, detail, hint))
         if not walled and not hint:
             gaps.append(Gap(findings[-1], before, tag))
-    return as_line, {int(rest[stuck[i]]): way for i, way in found.items()}
+    return as_line, {int(rest[met[i]]): way for i, way in found.items()}
 
 
 def _walled_in(
@@ -417,7 +372,6 @@ def _detour_moves(
     way: Detour,
     table: Moves,
     arriving: IndexArray,
-    chosen: Chosen,
 ) -> Moves:
     tag = int(ends.tag_to[row])
     if way.last_is_line:

@@ -22,7 +22,7 @@ from postproc.arrays import TINY, BoolArray, FloatArray, IndexArray, numbered
 from postproc.geometry import angle_between, axis_angle, rotation_about, rotation_angle
 from postproc.model import MoveKind, MoveRole
 from postproc.planning.checks import Checker, Lines
-from postproc.planning.route.speeds import is_too_fast
+from postproc.planning.route.speeds import followed_speeds, is_too_fast
 from postproc.planning.route.working import DOWN
 from postproc.process import may_be_passed
 from postproc.records import dataclass
@@ -150,15 +150,12 @@ def keep(course: Course, may_go: BoolArray) -> BoolArray:
     return kept
 
 
-def thinned(
-    checker: Checker, table: Moves, speed: FloatArray, stops_before: BoolArray
-) -> tuple[IndexArray, Left]:
+def thinned(checker: Checker, table: Moves, stops_before: BoolArray) -> tuple[IndexArray, Left]:
     """Return the rows of moves that are kept, and what leaving out the others costs.
 
     Args:
         checker: of the toolpath.
         table: all moves in order.
-        speed: (m,) path speeds [m/s] that the axes can follow.
         stops_before: (m,) before which moves the robot stands still.
     """
     problem = checker.problem
@@ -174,7 +171,7 @@ def thinned(
         np.array([axis.kind != "rail" for axis in axes], dtype=np.bool_),
         problem.placement.tool_axis if problem.toolpath.rotations is None else None,
     )
-    may_go = _may_go(problem, table, speed, stops_before)
+    may_go = _may_go(problem, table, followed_speeds(checker, table), stops_before)
     kept = np.flatnonzero(keep(course, may_go))
     kept = _runnable(checker, table, kept)
     _, row, chord, axis = course.off(kept[:-1], kept[1:])
