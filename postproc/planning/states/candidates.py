@@ -17,7 +17,6 @@ from postproc.arrays import (
     BoolArray,
     FloatArray,
     IndexArray,
-    Table,
     numbered,
     taken,
 )
@@ -83,6 +82,10 @@ class States:
         return np.column_stack([self.spin_of(states), tilt])
 
 
+_OF_STATE = ("q", "column", "branch", "cost", "index")
+"""Columns of ``States`` that joined ones have behind each other as they are."""
+
+
 def sample(
     problem: Problem,
     tags: IndexArray,
@@ -115,37 +118,21 @@ def sample(
         )
         for low in range(0, max(len(tags), 1), size)
     ]
-    whole = _Part.concat(parts)
-    configs = (np.cumsum(whole.configs) - whole.configs).astype(np.int32)
+    if len(parts) == 1:
+        return parts[0]
+    firsts = np.cumsum([0, *(part.config.max(initial=-1) + 1 for part in parts)]).tolist()
+    counts = np.concatenate([np.diff(part.offsets) for part in parts])
     return States(
-        offsets=np.concatenate([[0], np.cumsum(whole.counts)]),
-        q=whole.q,
-        column=whole.column,
-        branch=whole.branch,
-        config=whole.config + np.repeat(configs, [len(part.q) for part in parts]),
-        cost=whole.cost,
-        index=whole.index,
+        offsets=np.concatenate([[0], np.cumsum(counts)]),
+        config=np.concatenate(
+            [part.config + np.int32(first) for part, first in zip(parts, firsts, strict=False)]
+        ),
         spins=spins,
         tilts=tilts,
-        refused=whole.refused,
-        tried=whole.tried,
+        refused=np.concatenate([part.refused for part in parts]),
+        tried=np.concatenate([part.tried for part in parts]),
+        **{name: np.concatenate([getattr(p, name) for p in parts]) for name in _OF_STATE},
     )
-
-
-@dataclass(slots=True)
-class _Part(Table):
-    """States of some tags: ``counts``, ``refused``, ``tried`` of each, the others of each state."""
-
-    counts: IndexArray
-    q: NDArray[np.float32]
-    column: NDArray[np.int16]
-    branch: NDArray[np.int8]
-    config: NDArray[np.int32]
-    cost: FloatArray
-    index: NDArray[np.float32]
-    refused: IndexArray
-    tried: IndexArray
-    configs: IndexArray
 
 
 def _chunk(
@@ -155,7 +142,7 @@ def _chunk(
     tilts: FloatArray,
     branch: IndexArray | None,
     near: FloatArray | None,
-) -> _Part:
+) -> States:
     n = len(tags)
     row, column, attitude = _attitudes(problem, tags, spins, tilts)
     which = tags[row]
@@ -196,17 +183,18 @@ def _chunk(
     cost, index = costs_of(problem, which, attitude[:, 0], orientation, pose, q, source)
     owner = row[pose[source]]
     _subtract_best(cost, owner)
-    return _Part(
-        counts=n_of(owner, n),
+    return States(
+        offsets=np.concatenate([[0], np.cumsum(n_of(owner, n))]),
         q=q.astype(np.float32),
         column=column[pose[source]].astype(np.int16),
         branch=slot[source].astype(np.int8),
         config=source.astype(np.int32),
         cost=cost,
         index=index.astype(np.float32),
+        spins=spins,
+        tilts=tilts,
         refused=refused,
         tried=tried,
-        configs=np.array([len(pose)]),
     )
 
 
@@ -365,16 +353,15 @@ def merged(known: States, tags: IndexArray, new: States, new_tags: IndexArray) -
         spins = np.concatenate([known.spins[kept], new.spins])[order]
     states = States(
         offsets=offsets,
-        q=taken(np.concatenate([known.q, new.q]), pick),
-        column=np.concatenate([known.column, new.column])[pick],
-        branch=np.concatenate([known.branch, new.branch])[pick],
         config=np.cumsum(ranks, dtype=np.int32),
-        cost=np.concatenate([known.cost, new.cost])[pick],
-        index=np.concatenate([known.index, new.index])[pick],
         spins=spins,
         tilts=known.tilts,
         refused=np.concatenate([known.refused[kept], new.refused])[order],
         tried=np.concatenate([known.tried[kept], new.tried])[order],
+        **{
+            name: taken(np.concatenate([getattr(known, name), getattr(new, name)]), pick)
+            for name in _OF_STATE
+        },
     )
     source = np.where(pick < len(known.q), pick, -1)
     return Merged(states, both[order], is_new, source)
