@@ -242,7 +242,7 @@ def _joined(name: str, parts: list[Any]) -> Any:  # noqa: ANN401 - as ``_at``
 
 
 class Table:
-    """Base of dataclasses of which every field is a column of the same length."""
+    """Base of dataclasses of which every field is a column, or a table, of the same length."""
 
     __slots__ = ()
 
@@ -257,12 +257,18 @@ class Table:
 
     def rows(self, index: Rows) -> Self:
         """Return the rows ``index`` (k,)."""
-        return type(self)(*(taken(getattr(self, name), index) for name in self._names()))
+        columns = (getattr(self, name) for name in self._names())
+        return type(self)(
+            *(c.rows(index) if isinstance(c, Table) else taken(c, index) for c in columns)
+        )
 
     @classmethod
     def concat(cls, parts: Sequence[Self]) -> Self:
         """Return all rows, behind each other; at least one part."""
-        return cls(*(np.concatenate([getattr(p, name) for p in parts]) for name in cls._names()))
+        columns = ([getattr(part, name) for part in parts] for name in cls._names())
+        return cls(
+            *((c[0].concat if isinstance(c[0], Table) else np.concatenate)(c) for c in columns)
+        )
 
 
 _STEPS = np.array([1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0])

@@ -7,7 +7,7 @@ from dataclasses import field, replace
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from postproc.arrays import AT_ONCE, BoolArray, FloatArray, IndexArray, IntArray
 from postproc.cell import Cell
 from postproc.collision import Scene
 from postproc.errors import Finding, Severity
@@ -24,7 +24,6 @@ from postproc.units import DEG, MM
 MOST_TAGS = 10_000
 """With more tags a page would be too large: the map is left out, and the page says so."""
 _STEP = 10.0 * DEG
-_CHUNK = 1000
 MOST_POSED = 60
 """For so many failing tags a pose is worked out."""
 _POSED_STEP = 30.0 * DEG
@@ -125,15 +124,15 @@ def spin_index(plan: Plan, cell: Cell, moves: IndexArray) -> SpinIndex | None:
     n = len(plan.toolpath)
     spins = spin_values(_STEP, *cell.optimize.range)
     index = np.full((n, len(spins)), np.nan)
-    hit = np.zeros(index.shape, dtype=np.bool_)
+    hit, size = np.zeros(index.shape, dtype=np.bool_), max(1, AT_ONCE // len(spins))
     for place in at_places(plan, cell, moves):
         tags = place.tags[moves[place.tags] >= 0]
         if not len(tags):
             continue
         problem = problem_of(place.toolpath, *settle(place.cell))
         scene = Scene.shared(place.whole, problem.kinematics)
-        for low in range(0, len(tags), _CHUNK):
-            some = tags[low : low + _CHUNK]
+        for low in range(0, len(tags), size):
+            some = tags[low : low + size]
             index[some], q = _values(plan, problem, some - place.first, moves[some], spins)
             hit[some] = _hits(plan, some, q, moves, scene)
     return SpinIndex(spins, index, hit)

@@ -14,7 +14,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from postproc.arrays import FloatArray, IndexArray, IntArray
+from postproc.arrays import AT_ONCE, FloatArray, IndexArray, IntArray
 from postproc.cell import Cell
 from postproc.model import Plan
 from postproc.planning.checks import Checker, Grade, Reason, grades, moves_of_tags
@@ -31,8 +31,6 @@ from postproc.planning.states import (
 from postproc.progress import Progress
 from postproc.records import dataclass
 from postproc.units import DEG, N_PER_MM, TURN
-
-_CHUNK = 200
 
 
 class SpinClass(IntEnum):
@@ -125,14 +123,14 @@ def spin_map(result: Plan, cell: Cell, progress: Progress | None = None) -> Spin
     classes = np.full((n, width), SpinClass.UNREACHABLE, dtype=np.int32)
     stiffness, chosen = np.full((n, width), np.nan), np.full(n, np.nan)
     moves = moves_of_tags(result)
-    done = 0
+    done, size = 0, max(1, AT_ONCE // width)
     for place in at_places(result, cell, moves):
         tags, first = place.tags, place.first
         checker = checker_of(place.toolpath, place.cell, settings)
-        for low in range(0, len(tags), _CHUNK):
+        for low in range(0, len(tags), size):
             if progress is not None:
                 progress(done, n, "spin map")
-            some = tags[low : low + _CHUNK]
+            some = tags[low : low + size]
             classes[some], stiffness[some] = _cells(checker, some - first)
             done += len(some)
         served = tags[moves[tags] >= 0]

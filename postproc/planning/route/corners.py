@@ -167,7 +167,7 @@ class _Legs:
             T[path] = poses_between(self._lines, line[path], share)
             external[path] = self._lines.external_at(line[path], share)
             q[path] = self._solved(T[path], external[path], at[path])
-            bent = np.flatnonzero(table.sweep[move[path]] > 0.0)
+            bent = np.flatnonzero(table.arcs.sweep[move[path]] > 0.0)
             if len(bent):
                 half = np.abs(corner - 0.5 * way[bent])
                 T_half = poses_between(self._lines, line[path[bent]], half)
@@ -234,9 +234,10 @@ def headings(table: Moves) -> tuple[FloatArray, FloatArray]:
     point = table.T_base_tcp[:, :3, 3]
     begin = np.diff(point, axis=0, prepend=point[:1])
     end = begin.copy()
-    rows = np.flatnonzero(table.sweep > 0.0)
+    rows = np.flatnonzero(table.arcs.sweep > 0.0)
+    arcs = table.arcs.rows(rows)
     for tangent, at in ((begin, rows - 1), (end, rows)):
-        tangent[rows] = np.cross(table.normal[rows], point[at] - table.centre[rows])
+        tangent[rows] = np.cross(arcs.normal, point[at] - arcs.centre)
     return begin, end
 
 

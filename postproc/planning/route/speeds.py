@@ -9,7 +9,7 @@ import numpy as np
 from postproc.arrays import ROUNDING, BoolArray, FloatArray, IndexArray
 from postproc.errors import Finding, Severity
 from postproc.geometry import rotation_angle
-from postproc.model import Arcs, MoveKind, MoveRole
+from postproc.model import MoveKind, MoveRole
 from postproc.paths import joint_path, joint_times, top_speeds, torques_of
 from postproc.planning.checks import (
     LOWER,
@@ -130,8 +130,6 @@ def followed_speeds(checker: Checker, table: Moves) -> FloatArray:
 
 
 def _lines(table: Moves, rows: IndexArray, branch: IndexArray) -> Lines:
-    centre, end = table.centre[rows], table.T_base_tcp[rows, :3, 3]
-    radius = np.linalg.norm(end - centre, axis=1)
     return Lines(
         T_from=table.T_base_tcp[rows - 1],
         T_to=table.T_base_tcp[rows],
@@ -140,7 +138,7 @@ def _lines(table: Moves, rows: IndexArray, branch: IndexArray) -> Lines:
         branch=branch[rows],
         contact=np.ones(len(rows), dtype=np.bool_),
         external=(table.external[rows - 1], table.external[rows]),
-        arcs=Arcs(centre, table.normal[rows], radius, table.sweep[rows]),
+        arcs=table.arcs.rows(rows),
     )
 
 
@@ -366,8 +364,7 @@ def _durations(
     chain = np.cumsum(np.r_[True, stop[:-1]][: len(path)])
     top = np.clip(speed[path], SLOWEST, krl.path_speed_max)
     begin, end = headings(table)
-    away = np.linalg.norm(table.T_base_tcp[:, :3, 3] - table.centre, axis=1)
-    radius = np.where(table.sweep > 0.0, away, np.inf)
+    radius = np.where(table.arcs.sweep > 0.0, table.arcs.radius, np.inf)
     bends = Bends(begin[path], end[path], radius[path], blend[path])
     duration[path] = path_times(length[path], top, chain, turning[path], joints=joints, bends=bends)
     return duration

@@ -8,7 +8,7 @@ from postproc.arrays import ROUNDING, TINY, BoolArray, FloatArray, IndexArray, n
 from postproc.cell import ArcMotion
 from postproc.errors import PlanError
 from postproc.geometry import angle_between, arc_points, arc_poses
-from postproc.model import CUTS, MotionKind, MoveKind, MoveRole
+from postproc.model import CUTS, Arcs, MotionKind, MoveKind, MoveRole
 from postproc.planning.states import Chosen, Moves, Problem, Strokes, moves
 from postproc.process import FEED_OUT, feeds_of, pecks
 from postproc.units import DEG
@@ -209,6 +209,8 @@ def _arcs(
     external = external[tags - 1][row] + share[:, None] * (external[tags] - external[tags - 1])[row]
     q, _ = problem.solve(poses, external, chosen.branch[tags][row], q)
     q[last] = q_to[last]
+    bent = np.where(circular, 1.0, np.nan)[row, None]
+    middle = bent * centre[row]
     part = moves(
         tags[row],
         _CUT + piece,
@@ -216,6 +218,12 @@ def _arcs(
         MoveRole.CUT,
         (poses, q, external),
         feed[tags][row],
+        arcs=Arcs(
+            middle,
+            bent * normal[row],
+            np.linalg.norm(poses[:, :3, 3] - middle, axis=1),
+            np.where(circular, sweep / pieces, 0.0)[row],
+        ),
     )
     round_ = np.nonzero(circular[row])[0]
     which = row[round_]
@@ -227,6 +235,4 @@ def _arcs(
         sweep[which],
         share[round_] - 0.5 / pieces[which],
     )
-    part.sweep[round_] = sweep[which] / pieces[which]
-    part.centre[round_], part.normal[round_] = centre[which], normal[which]
     return [part]

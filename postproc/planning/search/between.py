@@ -36,7 +36,6 @@ _LOOKS = (
     (np.arange(1.0, 16.0) / 16.0, 1.0 * DEG),  # near the edge of reach few spins do
 )
 """At these shares of them, in such steps of spin [rad]: what passes one look is passed."""
-_AT_ONCE = 64
 
 
 def carried_twist(placement: Placement) -> FloatArray:
@@ -159,33 +158,22 @@ def infeasible(problem: Problem, way: FloatArray) -> IndexArray:
     if not lean:
         long = cuts[way[cuts] - way[cuts - 1] > _LONG]
         for shares, step in _LOOKS:
-            parts = [long[k : k + _AT_ONCE] for k in range(0, len(long), _AT_ONCE)]
-            long = np.concatenate(
-                [long[:0], *(_out_of_reach(problem, p, shares, step) for p in parts)]
-            )
+            out = [_is_out_of_reach(problem, tag, shares, step) for tag in long.tolist()]
+            long = long[np.array(out, dtype=np.bool_)]
         found[long] = Reason.UNREACHABLE
     return found
 
 
-def _out_of_reach(
-    problem: Problem, tags: IndexArray, shares: FloatArray, step: float
-) -> IndexArray:
-    """Return those of tags (m,) on the way to which the arm somewhere reaches no pose at all."""
+def _is_out_of_reach(problem: Problem, tag: int, shares: FloatArray, step: float) -> bool:
+    """Return whether the arm somewhere on the way to a tag reaches no pose at all."""
     place, spins = problem.placement, spin_values(step, -np.pi, np.pi)
-    last, spin = np.repeat(tags, len(spins)), np.tile(spins, len(tags))
-    nothing, any_ = np.zeros((len(last), 6)), np.zeros(len(last), dtype=np.int64)
-    lines = Lines(
-        place.tcp(last - 1, spin),
-        place.tcp(last, spin),
-        nothing,
-        nothing,
-        any_,
-        any_ == 0,
-        (place.external[last - 1], place.external[last]),
-    )
+    last, row = np.full(len(spins), tag), np.arange(len(spins)).repeat(len(shares))
+    nothing, any_ = np.zeros((len(spins), 6)), np.zeros(len(spins), dtype=np.int64)
+    external = place.external[last - 1], place.external[last]
+    ends = place.tcp(last - 1, spins), place.tcp(last, spins)
+    lines = Lines(*ends, nothing, nothing, any_, any_ == 0, external)
     as_arcs(problem, last, lines)
-    row, share = np.repeat(np.arange(len(last)), len(shares)), np.tile(shares, len(last))
+    share = np.tile(shares, len(spins))
     flange = place.flange(poses_between(lines, row, share), lines.external_at(row, share))
     reached = problem.kinematics.ik(flange)[1].any(axis=1)
-    somehow = np.any(reached.reshape(len(tags), len(spins), len(shares)), axis=1)
-    return np.asarray(tags[~np.all(somehow, axis=1)])
+    return not reached.reshape(len(spins), -1).any(axis=0).all()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray, Table
-from postproc.model import MoveKind, MoveRole
+from postproc.model import Arcs, MoveKind, MoveRole
 from postproc.records import dataclass
 
 
@@ -40,7 +40,7 @@ class Chosen:
 class Moves(Table):
     """One move a row; ``order`` sorts the moves of one tag. Other columns as in ``Plan``.
 
-    ``speed`` is NaN for PTP, and for a cut without any feed.
+    ``speed`` is NaN for PTP, and for a cut without any feed; ``arcs``: sweep 0 means straight.
     """
 
     tag: IndexArray
@@ -53,9 +53,7 @@ class Moves(Table):
     speed: FloatArray
     dwell: FloatArray
     aux: FloatArray
-    sweep: FloatArray
-    centre: FloatArray
-    normal: FloatArray
+    arcs: Arcs
 
 
 def moves(
@@ -66,8 +64,9 @@ def moves(
     there: tuple[FloatArray, FloatArray, FloatArray],
     speed: float | FloatArray = float("nan"),
     dwell: float | FloatArray = 0.0,
+    arcs: Arcs | None = None,
 ) -> Moves:
-    """Return moves (m,) with single values repeated; no arcs.
+    """Return moves (m,) with single values repeated; without ``arcs`` all are straight.
 
     ``there``: where they end, T_base_tcp (m, 4, 4), joints (m, 6), external axes (m, k).
     """
@@ -82,9 +81,7 @@ def moves(
         np.broadcast_to(np.asarray(speed, dtype=np.float64), (m,)).copy(),
         np.broadcast_to(np.asarray(dwell, dtype=np.float64), (m,)).copy(),
         nowhere,
-        np.zeros(m),
-        nowhere.copy(),
-        nowhere.copy(),
+        arcs or Arcs(nowhere, nowhere, np.full(m, np.nan), np.zeros(m)),
     )
 
 
