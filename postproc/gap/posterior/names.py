@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import field
 
 import numpy as np
 
@@ -49,15 +48,6 @@ class Name:
     def effect(self) -> Effect:
         """The effect."""
         return effect_of(self.name)
-
-
-@dataclass(frozen=True, slots=True)
-class Told:
-    """Names by what becomes of them; reasons: why effects are not adopted, by name."""
-
-    adopted: tuple[Name, ...]
-    unnamed: tuple[Name, ...] = ()
-    reasons: dict[str, str] = field(default_factory=dict)
 
 
 def names_of(of: Posterior, at: Optimum | None = None) -> tuple[Name, ...]:
