@@ -10,7 +10,8 @@ from scipy.optimize import brentq
 from scipy.stats import ncx2
 
 from postproc.gap import act, effect_of, outlook
-from postproc.gap.answers.outlook import _Bench, _called
+from postproc.gap.answers.outlook import _Bench, _called, _Seen
+from postproc.gap.posterior import DECISIVE, Candidate, Sort
 from postproc.gap.robot_model import State
 
 SIGMA = 2e-5
@@ -21,11 +22,13 @@ def test_one_number_is_seen_from_the_size_of_the_closed_form():
     rows, length = 100, 40.0
     X = np.zeros((3 * rows, 1))
     X[::3, 0] = length / np.sqrt(rows)
-    bench = _Bench.of(np.zeros((3 * rows, 1)), SIGMA, ())
+    bench = _Bench.of(np.zeros((3 * rows, 1)), SIGMA)
     g = length**2
     limit = 2.0 * (9.0 + 0.5 * np.log1p(g)) * (1.0 + g) / g
     needed = brentq(lambda d: ncx2.sf(limit, 1, d**2) - 0.98, 0.1, 50.0)
-    promised = _called(X, bench, 9.0)
+    columns, family = SIGMA * X.reshape(rows, 3, 1), np.zeros(1, dtype=int)
+    one = Candidate("one", "one", Sort.CLASS, "one", columns, family, DECISIVE - 9.0)
+    promised = _called(_Seen.of(one, bench), bench)
     assert promised == pytest.approx(SIGMA * needed / np.sqrt(rows), rel=0.12)
 
 

@@ -2,17 +2,16 @@
 
 For each effect, numbers are drawn as arms have them and scaled to a size; readings of the plan with
 noise are then weighed as a diagnosis would weigh them beside a free registration, without the rows
-that it seals: the effect must be called for, be large enough for a name, help on places and times
-that it was not fitted to, and beat every other effect, every two others, and whatever it may be
-mistaken for. All of this is quadratic in the size. The smallest size is told at which nine of ten
-campaigns name the effect; and for each pair of effects the size from which the true one beats the
-other in as many.
+that it seals: the effect must be called for, be large enough for a name, and beat every other
+effect, every two others, and whatever it may be mistaken for. All of this is quadratic in the size.
+The smallest size is told at which nine of ten campaigns name the effect; and for each pair of
+effects the size from which the true one beats the other in as many.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,8 +19,16 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.gap.data import Samples, split
 from postproc.gap.effect import Effect, Kind, Setting, registration_effects
-from postproc.gap.fit import WIDE, Block, block_of, testable
-from postproc.gap.posterior import CLOSE, DECISIVE, ODDS, SMALLEST, Group, groups_of, odds_of
+from postproc.gap.fit import testable
+from postproc.gap.posterior import (
+    CLOSE,
+    DECISIVE,
+    SMALLEST,
+    Candidate,
+    groups_of,
+    of_effect,
+    of_group,
+)
 from postproc.gap.robot_model import effect_of
 from postproc.records import dataclass
 from postproc.units import MM
@@ -41,10 +48,6 @@ _NEAREST = 8
 _NOTHING = 1e-15
 _SMALLEST = 1e-7
 _SEED = 23
-_WON = 0.7
-"""Share of the places that a name must make better."""
-_CLASS_SIZE = 3.0
-"""Size of the prior of a class, in noise."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,36 +119,28 @@ def outlook(samples: Samples, sigma: float) -> Outlook:
         sigma: noise of a reading per axis [m].
     """
     effects, missing = testable(samples, {}, registered=True, several=False)
-    parts = split(samples, None)
+    sealed = split(samples, None).sealed
     # postures that are all alike are one cluster, and all sealed
-    open_ = np.flatnonzero(~parts.sealed | bool(parts.sealed.all()))
-    samples = samples.rows(open_)
-    labels = tuple(np.repeat(label[open_], 3) for label in (parts.fold, parts.stretch))
-    frames = [block_of(effect_of(n), samples, effect_of(n).prepare(samples)) for n in _frames()]
-    F = np.concatenate([_columns(b, WIDE / sigma) for b in frames], axis=1)
-    bench = _Bench.of(F, sigma, labels)
+    samples = samples.rows(np.flatnonzero(~sealed | bool(sealed.all())))
+    free = [effect_of(name) for name in registration_effects()]
+    frames = [_of(e, samples)[0] for e in free if not e.of_several]
+    F = np.concatenate([c.X.reshape(3 * len(samples), -1) for c in frames], axis=1)
+    bench = _Bench.of(F / sigma, sigma)
     known = [e for e in effects if e.kind is not Kind.REGISTRATION and not e.on_demand]
     machine = [e for e in known if e.kind is Kind.MACHINE]
-    rivals = _Rivals.of(
-        [
-            _Seen.of(block, bench)
-            for e in known
-            if not e.periodic
-            for block in _blocks(samples, e, e.variants(e.prepare(samples)).values())
-        ]
-    )
-    named = [
-        _named([_Seen.of(b, bench) for b in _blocks(samples, e, _kinds(e, samples))], rivals, bench)
-        for e in machine
-    ]
-    whole = [_Seen.of(b, bench) for e in machine for b in _blocks(samples, e, [e.prepare(samples)])]
+    of_name = {e.name: [_Seen.of(c, bench) for c in _of(e, samples)] for e in known}
+    rivals = _Rivals.of([one for e in known if not e.periodic for one in of_name[e.name]])
+    named = [_named(of_name[e.name], rivals, bench) for e in machine]
+    whole = [_Seen.of(of_effect(e, samples, e.prepare(samples)), bench) for e in machine]
     pairs = [
         max((_told_from(*two, bench) for two in (pair, pair[::-1])), key=_difficulty)
         for pair in itertools.combinations(whole, 2)
     ]
     classes: dict[str, list[Told]] = {}
     for group in groups_of(samples):
-        classes.setdefault(group.kind, []).append(_class_told(group, bench))
+        seen = group.X.shape[2] > 0
+        size = _called(_Seen.of(of_group(group), bench), bench) if seen else float("nan")
+        classes.setdefault(group.kind, []).append(Told(group.kind, size, float("nan")))
     return Outlook(
         sigma,
         tuple(sorted(named, key=lambda t: (_difficulty(t), t.name))),
@@ -155,20 +150,14 @@ def outlook(samples: Samples, sigma: float) -> Outlook:
     )
 
 
-def _frames() -> Sequence[str]:
-    return [name for name in registration_effects() if not effect_of(name).of_several]
-
-
-def _blocks(samples: Samples, effect: Effect, settings: Iterable[Setting]) -> list[Block]:
-    return [block_of(effect, samples, setting) for setting in settings]
-
-
-def _kinds(effect: Effect, samples: Samples) -> Collection[Setting]:
-    """Return the settings that an effect may truly have: waves are those of two joints."""
-    if not effect.periodic:
-        return effect.variants(effect.prepare(samples)).values()
-    pairs = itertools.combinations(range(1, 7), 2)
-    return [{"waves": ((a, 2.0), (b, 3.0))} for a, b in pairs]
+def _of(effect: Effect, samples: Samples) -> list[Candidate]:
+    """Return an effect in each setting that it may truly have: waves are those of two joints."""
+    settings: Collection[Setting] = effect.variants(effect.prepare(samples)).values()
+    if effect.periodic:
+        pairs = itertools.combinations(range(1, 7), 2)
+        settings = [{"waves": ((a, 2.0), (b, 3.0))} for a, b in pairs]
+    always = effect.kind is Kind.REGISTRATION
+    return [of_effect(effect, samples, setting, always=always) for setting in settings]
 
 
 def _difficulty(told: Told) -> float:
@@ -180,7 +169,7 @@ class _Bench:
     """Readings in units of their noise, beside free frames.
 
     sigma: [m]; rows: how many; F: (3n, f) columns of the frames; inverse: (f, f) of their products
-    with the prior; noise: (d, 3n) draws; parts: ways to part the readings, (3n,) each part.
+    with the prior; noise: (d, 3n) draws.
     """
 
     sigma: float
@@ -188,15 +177,13 @@ class _Bench:
     F: FloatArray
     inverse: FloatArray
     noise: FloatArray
-    parts: tuple[tuple[BoolArray, ...], ...]
 
     @classmethod
-    def of(cls, F: FloatArray, sigma: float, labels: Sequence[IntArray]) -> _Bench:
-        """Return it for frames (3n, f) and labels (3n,) of parts that are left out in turn."""
+    def of(cls, F: FloatArray, sigma: float) -> _Bench:
+        """Return it for frames (3n, f)."""
         inverse = np.asarray(np.linalg.inv(F.T @ F + np.eye(F.shape[1])))
         drawn = np.random.default_rng(_SEED + 1).normal(size=(_DRAWS, len(F)))
-        parts = tuple(tuple(label == k for k in np.unique(label)) for label in labels)
-        return cls(sigma, len(F) // 3, F, inverse, drawn, parts)
+        return cls(sigma, len(F) // 3, F, inverse, drawn)
 
     def left(self, X: FloatArray) -> FloatArray:
         """Return what the frames leave of columns (3n, p)."""
@@ -244,31 +231,37 @@ class _Quadratic:
 class _Seen:
     """A candidate as readings show it beside free frames.
 
-    P: (3n, p) its columns without the frames, in noise; G: (p, p) products; inverse: with prior.
+    X, P: (3n, p) its columns, with and without the frames, in noise; G: (p, p) products of the
+    latter; inverse: with prior.
     """
 
-    block: Block
+    candidate: Candidate
     X: FloatArray
     P: FloatArray
     G: FloatArray
     inverse: FloatArray
 
     @classmethod
-    def of(cls, block: Block, bench: _Bench) -> _Seen:
-        """Return the view of a block."""
-        X = _columns(block, 1.0 / bench.sigma)
+    def of(cls, candidate: Candidate, bench: _Bench) -> _Seen:
+        """Return the view of a candidate."""
+        X = candidate.X.reshape(3 * bench.rows, -1) / bench.sigma
         P = bench.left(X)
         G = P.T @ P
-        return cls(block, X, P, G, np.asarray(np.linalg.inv(G + np.eye(len(G)))))
+        return cls(candidate, X, P, G, np.asarray(np.linalg.inv(G + np.eye(len(G)))))
+
+    @property
+    def name(self) -> str:
+        """Of the effect or class."""
+        return self.candidate.name
 
     def draws(self, count: int, bench: _Bench) -> _Draws:
         """Return gaps that this is the cause of, by its numbers as arms have them."""
-        normal = np.random.default_rng(_SEED).normal(size=(count, self.X.shape[1]))
-        theta = self.block.effect.drawn(normal)
-        limits = [(p.lower / p.typical, p.upper / p.typical) for p in self.block.parameters]
-        low, high = np.array(limits).reshape(-1, 2).T
-        theta = np.where(theta < low, 2.0 * low - theta, theta)
-        theta = np.where(theta > high, 2.0 * high - theta, theta)
+        theta = np.random.default_rng(_SEED).normal(size=(count, self.X.shape[1]))
+        of = self.candidate
+        if of.effect is not None and of.root is not None and of.lower is not None:
+            theta = of.effect.drawn(theta)
+            low = of.lower / np.diag(of.root)
+            theta = np.where(theta < low, 2.0 * low - theta, theta)
         return _Draws.of(self.X, theta, bench)
 
     def evidence(self, draws: _Draws) -> _Quadratic:
@@ -283,30 +276,6 @@ class _Seen:
         found = _Quadratic.of(draws.signal @ self.P, draws.noise @ self.P, M)
         found.c[0] -= len(self.G) - float(np.trace(self.inverse))
         return _Quadratic(found.c * 3.0 / len(self.P))
-
-    def helps(self, draws: _Draws, bench: _Bench, parts: Sequence[BoolArray]) -> list[_Quadratic]:
-        """Return how far it lowers the misfit of each part when fitted to the others."""
-        both = np.concatenate([bench.F, self.X], axis=1)
-        return [
-            _Quadratic(_carried(both, draws, part).c - _carried(bench.F, draws, part).c)
-            for part in parts
-        ]
-
-
-def _carried(X: FloatArray, draws: _Draws, part: BoolArray) -> _Quadratic:
-    """Return by how much columns (3n, p), fitted to the other readings, lower a part's misfit."""
-    here, there = X[part], X[~part]
-    G = here.T @ here
-    K = np.asarray(np.linalg.inv(there.T @ there + np.eye(X.shape[1])))
-    M = np.block([[-K @ G @ K, K], [K, np.zeros_like(K)]])
-    gaps = (draws.signal, draws.noise)
-    signal, noise = (np.hstack([gap[:, ~part] @ there, gap[:, part] @ here]) for gap in gaps)
-    return _Quadratic.of(signal, noise, M)
-
-
-def _columns(block: Block, scale: float) -> FloatArray:
-    """Return the columns (3n, p) of a block, scaled."""
-    return np.asarray(block.X.reshape(3 * len(block.X), -1) * scale)
 
 
 @dataclass(frozen=True, slots=True)
@@ -330,25 +299,23 @@ class _Rivals:
 
         The nearest are those that explain most of the gaps.
         """
-        effect, price = truth.block.effect, -odds_of(truth.block.effect, truth.block.setting)
+        price = -truth.candidate.odds
         signal, noise = draws.signal @ self.P, draws.noise @ self.P
         found = []
 
         def tried(*which: int) -> float:
-            blocks = [self.seen[k].block for k in which]
+            odds = sum(self.seen[k].candidate.odds for k in which)
             at = np.concatenate([np.arange(self.start[k], self.start[k + 1]) for k in which])
             inverse = np.asarray(np.linalg.inv(self.G[np.ix_(at, at)] + np.eye(len(at))))
             other = _Quadratic.of(signal[:, at], noise[:, at], 0.5 * inverse)
             ahead = own.c - other.c
             ahead[0] -= 0.5 * float(np.linalg.slogdet(inverse)[1]) + price
-            ahead[0] += sum(-odds_of(block.effect, block.setting) for block in blocks) - (
-                0.0 if len(blocks) == 1 else -DECISIVE
-            )
+            ahead[0] += (DECISIVE if len(which) > 1 else 0.0) - odds
             found.append(ahead)
             return float(np.mean(other.c[2]))
 
-        names = [one.block.name for one in self.seen]
-        each = {k: tried(k) for k, name in enumerate(names) if name != effect.name}
+        names = [one.name for one in self.seen]
+        each = {k: tried(k) for k, name in enumerate(names) if name != truth.name}
         for a, b in itertools.combinations(sorted(each, key=each.__getitem__)[-_NEAREST:], 2):
             if names[a] != names[b]:
                 tried(a, b)
@@ -365,30 +332,24 @@ def _named(truths: Sequence[_Seen], rivals: _Rivals, bench: _Bench) -> Told:
     """
     each = max(_DRAWS // len(truths), _FEWEST)
     drawn = [truth.draws(each, bench) for truth in truths]
-    rules = [_rule(t, d, rivals, bench) for t, d in zip(truths, drawn, strict=True)]
+    rules = [_rule(t, d, rivals) for t, d in zip(truths, drawn, strict=True)]
 
     def is_told(size: float) -> BoolArray:
         return np.concatenate([rule(size) for rule in rules])
 
     usual = float(np.median(np.concatenate([d.usual for d in drawn])))
-    return Told(truths[0].block.name, _smallest(is_told), usual)
+    return Told(truths[0].name, _smallest(is_told), usual)
 
 
-def _rule(
-    truth: _Seen, draws: _Draws, rivals: _Rivals, bench: _Bench
-) -> Callable[[float], BoolArray]:
+def _rule(truth: _Seen, draws: _Draws, rivals: _Rivals) -> Callable[[float], BoolArray]:
     """Return what says for a size which draws (d,) of a cause are named."""
-    price = -odds_of(truth.block.effect, truth.block.setting)
+    price = -truth.candidate.odds
     own, unique = truth.evidence(draws), truth.unique(draws)
-    divisions = [truth.helps(draws, bench, parts) for parts in bench.parts]
     beside = rivals.behind(truth, own, draws)
 
     def is_told(size: float) -> BoolArray:
         told = own.at(size) >= DECISIVE + price
         told &= unique.at(size) >= SMALLEST**2
-        for gains in ([gain.at(size) for gain in division] for division in divisions):
-            told &= np.mean(np.array(gains) > 0.0, axis=0) >= _WON
-            told &= np.sum(gains, axis=0) > 0.0
         return np.asarray(told & np.all(beside.at(size) > 0.0, axis=0))
 
     return is_told
@@ -399,24 +360,13 @@ def _told_from(true: _Seen, rival: _Seen, bench: _Bench) -> Told:
     draws = true.draws(_DRAWS, bench)
     ahead = _Quadratic(true.evidence(draws).c - rival.evidence(draws).c)
     smallest = _smallest(lambda size: np.asarray(ahead.at(size) >= CLOSE))
-    return Told(true.block.name, smallest, float(np.median(draws.usual)), rival.block.name)
+    return Told(true.name, smallest, float(np.median(draws.usual)), rival.name)
 
 
-def _class_told(group: Group, bench: _Bench) -> Told:
-    X = group.X.reshape(3 * bench.rows, -1) * _CLASS_SIZE
-    return Told(group.kind, _called(X, bench, DECISIVE - ODDS["class"] + group.price), float("nan"))
-
-
-def _called(X: FloatArray, bench: _Bench, least: float) -> float:
-    """Return the size [m] from which columns (3n, p), in noise, bring so much evidence [nats]."""
-    P = bench.left(X)
-    theta = np.random.default_rng(_SEED).normal(size=(_DRAWS, X.shape[1]))
-    draws = _Draws.of(X, theta, bench)
-    H = P.T @ P + np.eye(X.shape[1])
-    M = np.asarray(0.5 * np.linalg.inv(H))
-    gain = _Quadratic.of(draws.signal @ P, draws.noise @ P, M)
-    price = least + 0.5 * float(np.linalg.slogdet(H)[1])
-    return _smallest(lambda size: np.asarray(gain.at(size) >= price))
+def _called(seen: _Seen, bench: _Bench) -> float:
+    """Return the size [m] from which a candidate is called for, beside the frames alone."""
+    gain = seen.evidence(seen.draws(_DRAWS, bench))
+    return _smallest(lambda size: np.asarray(gain.at(size) >= DECISIVE - seen.candidate.odds))
 
 
 def _smallest(is_told: Callable[[float], BoolArray]) -> float:

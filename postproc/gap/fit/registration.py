@@ -8,7 +8,7 @@ give way by more than the noise.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +16,7 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray
 from postproc.errors import SourceRef
 from postproc.gap.data import Samples
-from postproc.gap.effect import EFFECTS, Effect, Parameter, Setting, registration_effects
+from postproc.gap.effect import EFFECTS, registration_effects
 from postproc.gap.fit.waves import Projection
 from postproc.gap.robot_model import States, columns, effect_of, evaluate
 from postproc.measurement import (
@@ -27,7 +27,6 @@ from postproc.measurement import (
     unloaded_rows,
 )
 from postproc.model import Registration
-from postproc.records import dataclass
 
 _ENOUGH_OF_STATION = 6
 """Unloaded rows of one station or reflector that suffice without its loaded ones."""
@@ -41,29 +40,6 @@ SURE = 6.0
 _FAULT = 4.0
 _FINE, _LEAST = 1e-5, 1e-6
 """Noise [m] that is assumed before there is an estimate, and the least that is believed."""
-
-
-@dataclass(frozen=True, slots=True)
-class Block:
-    """Columns of one effect, (n, 3, p) in metres per typical size."""
-
-    effect: Effect
-    setting: Setting
-    parameters: tuple[Parameter, ...]
-    X: FloatArray
-
-    @property
-    def name(self) -> str:
-        """Name of the effect."""
-        return self.effect.name
-
-
-def block_of(effect: Effect, samples: Samples, setting: Setting) -> Block:
-    """Return the columns of an effect at these samples."""
-    parameters = effect.parameters(samples.arm, setting)
-    typical = np.array([p.typical for p in parameters])
-    X = columns(samples, effect.basis(samples, setting)) * typical
-    return Block(effect, setting, parameters, X)
 
 
 def rows_on_the_arm(samples: Samples, given: States) -> BoolArray:
@@ -169,47 +145,50 @@ def register_loaded(
     at_point = samples.with_points(load=place)
     y = in_robroot(first, measured, set_ups)
     sides = [_library(rows.with_points(measured=place), y, given) for rows in (samples, at_point)]
-    left = [_left(blocks, gap) for blocks, gap in sides]
+    left = [_left(*side) for side in sides]
     sound = np.minimum(*left) < _FAULT * np.median(np.minimum(*left))
     sigma = min(robust_sigma(size[sound]) for size in left)
     weight = sound / max(sigma, _LEAST)
-    here, there = (_evidence(blocks, gap, weight) for blocks, gap in sides)
+    here, there = (_evidence(*side, weight) for side in sides)
     if there < here + SURE:
         return first
     return replace(register(at_point, measured, given, set_ups, rows, source), loads_at_point=True)
 
 
-def _library(
-    samples: Samples, y: FloatArray, given: States
-) -> tuple[tuple[Block, ...], FloatArray]:
+Library = Mapping[str, FloatArray]
+"""Columns (n, 3, p) of each effect, in metres per typical size."""
+
+
+def _library(samples: Samples, y: FloatArray, given: States) -> tuple[Library, FloatArray]:
     """Return the columns of all effects of the library, and the gap (n, 3) [m] of points ``y``."""
     point, actual = evaluate(samples, given)
-    blocks = []
+    columns_of = {}
     for name, effect in EFFECTS:
         if not effect.is_alternative and all(samples.has(c) for c in effect.needs):
             setting = given[name].setting if name in given else effect.prepare(samples)
-            blocks.append(block_of(effect, actual, setting))
-    return tuple(blocks), y - point
+            typical = [p.typical for p in effect.parameters(actual.arm, setting)]
+            columns_of[name] = columns(actual, effect.basis(actual, setting)) * np.array(typical)
+    return columns_of, y - point
 
 
-def _left(blocks: Sequence[Block], gap: FloatArray) -> FloatArray:
+def _left(library: Library, gap: FloatArray) -> FloatArray:
     """Return what the most probable numbers of everything leave of each row (n,) [m]."""
-    X = np.concatenate([block.X for block in blocks], axis=2)
+    X = np.concatenate(list(library.values()), axis=2)
     rest = Projection(X, gap, np.full(len(gap), 1.0 / _FINE)).rest
     return np.asarray(np.linalg.norm(rest.reshape(-1, 3) * _FINE, axis=1))
 
 
-def _evidence(blocks: Sequence[Block], gap: FloatArray, weight: FloatArray) -> float:
+def _evidence(library: Library, gap: FloatArray, weight: FloatArray) -> float:
     """Return the log evidence [nats], of what is the simplest that will do.
 
     The frames alone, with a give under the loads, or everything: a place that is right needs
     little beside it, a wrong one much.
     """
-    frames = [b for b in blocks if b.name in registration_effects()]
-    give = [b for b in blocks if b.effect.conditions == ("load",)]
+    frames = [name for name in library if name in registration_effects()]
+    give = [name for name in library if effect_of(name).conditions == ("load",)]
     nothing = Projection(np.zeros((len(gap), 3, 0)), gap, weight)
     found = []
-    for some in (frames, [*frames, *give], list(blocks)):
-        X = np.concatenate([block.X for block in some], axis=2) * weight[:, None, None]
+    for some in (frames, [*frames, *give], library):
+        X = np.concatenate([library[name] for name in some], axis=2) * weight[:, None, None]
         found.append(nothing.gain(X.reshape(len(nothing.y), -1), nothing.y))
     return max(found) - 0.5 * float(nothing.y @ nothing.y)

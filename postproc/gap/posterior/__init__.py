@@ -13,6 +13,6 @@ from postproc.gap.posterior.gates import (
     tolerated,
 )
 from postproc.gap.posterior.names import CLOSE, Name, names_of
-from postproc.gap.posterior.prior import LOG_SCALES, ODDS, Candidate, Sort, odds_of, of_effect
+from postproc.gap.posterior.prior import LOG_SCALES, Candidate, Sort, of_effect, of_group
 from postproc.gap.posterior.residual import Dependence
 from postproc.gap.posterior.search import TEMPERATURE
