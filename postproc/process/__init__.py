@@ -34,8 +34,14 @@ from postproc.process.material import (
     rapid_speeds,
 )
 from postproc.process.order import hole_places, hole_runs, reordered
-from postproc.process.passing import may_be_passed, only, without_repeats
-from postproc.process.repeats import apart, repeated_tags, repeats
+from postproc.process.passing import (
+    apart,
+    may_be_passed,
+    only,
+    repeated_tags,
+    repeats,
+    without_repeats,
+)
 from postproc.process.spindle import (
     COOLANTS,
     START_HINT,

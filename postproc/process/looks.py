@@ -12,7 +12,7 @@ from postproc.arrays import BoolArray, FloatArray, IndexArray, runs
 from postproc.cell import Cell, PointService
 from postproc.errors import Finding, Severity
 from postproc.model import BLEND_SHARE, CUTS, LEAST_BLEND, MotionKind, ToolPath
-from postproc.process.repeats import SAME_POINT
+from postproc.process.passing import SAME_POINT
 from postproc.units import MM
 
 ONE_PLACE = 0.1 * MM

@@ -15,7 +15,7 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray
 from postproc.cell import Cell
 from postproc.model import CUTS, WORKING, MotionKind, ToolPath
-from postproc.process.repeats import repeated_tags
+from postproc.process.passing import repeated_tags
 from postproc.units import DEG, MM
 
 ALONG_AXIS = float(np.cos(2.0 * DEG))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import fields
 from typing import Self
 
 import numpy as np
@@ -10,8 +11,6 @@ import numpy as np
 from postproc.arrays import FloatArray, frozen_floats
 from postproc.cell.schema.table import Options, Text, Vector, key
 from postproc.records import dataclass
-
-_STATED = ("instrument", "serial", "calibrated", "operator", "date")
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,8 +71,8 @@ class Instrument(Options):
     @property
     def stated(self) -> Mapping[str, str]:
         """What the user says of device, people and date, for reports."""
-        said = {name: getattr(self, name) for name in _STATED}
-        return {name: text for name, text in said.items() if text is not None}
+        said = {made.name: getattr(self, made.name) for made in fields(self)}
+        return {name: text for name, text in said.items() if isinstance(text, str)}
 
     @property
     def is_known(self) -> bool:
