@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 import click
+from click.shell_completion import CompletionItem
 
 from postproc.errors import ExitCode, Finding, Severity, fold
 from postproc.progress import Progress
@@ -197,12 +198,51 @@ def _coloured(line: str, severity: str) -> str:
     return line.replace(severity, click.style(severity, fg=_COLOURS[severity]), 1)
 
 
+class Part(click.ParamType):  # type: ignore[type-arg]
+    """A part that can be plugged in, by its name in a registry.
+
+    The registry is loaded only for a call that names a part: help stays fast.
+
+    Args:
+        room: package that holds the registry.
+        registry: its name there.
+        more: further names that the option takes.
+        is_checked: False where the job says itself which parts there are.
+    """
+
+    name = "text"
+
+    def __init__(self, room: str, registry: str, *more: str, is_checked: bool = True) -> None:
+        self._room, self._registry, self._more = room, registry, more
+        self._is_checked = is_checked
+
+    def convert(
+        self,
+        value: Any,  # noqa: ANN401 - click's own signature
+        param: click.Parameter | None,
+        ctx: click.Context | None,
+    ) -> str:
+        """Return the name, if a part has it."""
+        if self._is_checked and value not in self._more:
+            parts = _parts(self._room, self._registry)
+            if value not in parts:
+                self.fail(parts.unknown(value, *self._more), param, ctx)
+        return str(value)
+
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        """Return the parts whose names begin so."""
+        names = [*self._more, *(name for name, _ in _parts(self._room, self._registry))]
+        return [CompletionItem(name) for name in _beginning(names, incomplete)]
+
+
 _PLUGGED = {
-    "format": ("postproc.readers", "READERS", "auto"),
-    "emitter": ("postproc.emitters", "EMITTERS"),
-    "objective": ("postproc.planning", "OBJECTIVES"),
+    "format": Part("postproc.readers", "READERS", "auto"),
+    "emitter": Part("postproc.emitters", "EMITTERS"),
+    "objective": Part("postproc.planning", "OBJECTIVES", is_checked=False),
 }
-"""Options that name a part which can be plugged in: its room, its registry, further names."""
+"""Options that name a part which can be plugged in."""
 
 CELL = click.option("--cell", required=True, metavar="CELL.toml", help="The robot cell.")
 TOOL = click.option(
@@ -233,15 +273,10 @@ def _of_cell(names: Iterable[str]) -> list[Decorator]:
     for name in names:
         table, kind = CALL_KEYS[name]
         meaning, words = key_said(kind, name)
-        more: dict[str, Any] = {"type": click.Choice(words)} if words else {}
-        if name in _PLUGGED:
-            more["shell_complete"] = complete_parts(*_PLUGGED[name])
-        if name in ("format", "emitter"):  # the planner says itself which objectives there are
-            more["callback"] = _registered(*_PLUGGED[name])
-        if name == "accept_words":
-            more |= {"default": "", "metavar": "W1,W2"}
+        more = {"metavar": "W1,W2"} if name == "accept_words" else {}
         text = f"As [{table}] {name} of the cell: {meaning}."
-        found.append(click.option(f"--{name.replace('_', '-')}", help=text, **more))
+        key = f"--{name.replace('_', '-')}"
+        found.append(option(key, kind=words or _PLUGGED.get(name), help=text, **more))
     return found
 
 
@@ -309,30 +344,6 @@ def read_cam(source: str, options: Mapping[str, Any], cell: Cell) -> ToolPath:
     return read(source, cell, **reading(options))
 
 
-def _registered(
-    room: str, registry: str, *more: str
-) -> Callable[[click.Context, click.Parameter, str | None], str | None]:
-    """Return the check of an option that names a part of a registry.
-
-    The registry is loaded only for a call that names a part: help stays fast.
-
-    Args:
-        room: package that holds the registry.
-        registry: its name there.
-        more: further names that the option takes.
-    """
-
-    def check(context: click.Context, parameter: click.Parameter, name: str | None) -> str | None:
-        if name is None or name in more:
-            return name
-        parts: Registry[Any] = getattr(importlib.import_module(room), registry)
-        if name not in parts:
-            raise click.BadParameter(parts.unknown(name, *more), context, parameter)
-        return name
-
-    return check
-
-
 def standard_options(function: Callable[Concatenate[Session, P], R]) -> Callable[P, R]:
     """Add ``--json`` and ``--quiet`` to a command; it gets a ``Session`` first."""
 
@@ -352,9 +363,6 @@ def answer(good: bool) -> int:
     return ExitCode.GOOD if good else ExitCode.BAD_ANSWER
 
 
-Complete = Callable[[click.Context, click.Parameter, str], list[str]]
-
-
 def complete_robots(
     context: click.Context, parameter: click.Parameter, incomplete: str
 ) -> list[str]:
@@ -371,27 +379,14 @@ def complete_explained(
     from postproc.codes import groups
 
     codes = [entry.code for group in groups() for entry in group.entries]
+    effects = [name for name, _ in _parts("postproc.gap", "EFFECTS")]
     found = _beginning(codes, incomplete.upper()) + _beginning(codes, incomplete)
-    return list(dict.fromkeys([*found, *_beginning(_names("postproc.gap", "EFFECTS"), incomplete)]))
+    return list(dict.fromkeys([*found, *_beginning(effects, incomplete)]))
 
 
-def complete_parts(room: str, registry: str, *more: str) -> Complete:
-    """Return the completion of an option that names a part of a registry.
-
-    Args:
-        room: package that holds the registry.
-        registry: its name there.
-        more: further names that the option takes.
-    """
-
-    def complete(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
-        return _beginning([*more, *_names(room, registry)], incomplete)
-
-    return complete
-
-
-def _names(room: str, registry: str) -> list[str]:
-    return [name for name, _ in getattr(importlib.import_module(room), registry)]
+def _parts(room: str, registry: str) -> Registry[Any]:
+    parts: Registry[Any] = getattr(importlib.import_module(room), registry)
+    return parts
 
 
 def _beginning(names: Iterable[str], incomplete: str) -> list[str]:
