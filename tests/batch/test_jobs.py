@@ -98,6 +98,7 @@ def test_rules_match_the_end_of_a_path(tmp_path):
         ("[defaults]\nrecover = 3\n", 2),
         ("[defaults]\n\nfoo = 'x'\n", 3),
         ("[defaults]\nformat = 'step'\n", 2),
+        ("[defaults]\nfeed_units = 'ft'\n", 2),
     ],
 )
 def test_a_wrong_batch_file_is_one_error_with_its_line(tmp_path, text, line):

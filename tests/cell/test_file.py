@@ -1,6 +1,7 @@
 """The cell file: what it means in SI, and what it says when something is wrong."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from postproc.cell.choices import ArcMotion, Index, Kss, PointService, Strategy
 from postproc.cell.file import load_cell
 from postproc.cell.reference import cell_reference
 from postproc.cell.robotfile import load_robot
+from postproc.cell.schema import call_keys
 from postproc.collision.mesh import solid
 from postproc.errors import CellError, ReadError
 from postproc.geometry.frames import apply
@@ -52,6 +54,26 @@ def test_example_of_the_interface_in_si():
     assert cell.tool.meshes[1].radius == pytest.approx(0.005)
     np.testing.assert_allclose(cell.obstacles[0].size, 0.1)
     assert cell.obstacles[0].name == "clamp"
+
+
+def test_keys_of_a_call_take_the_place_of_those_of_the_cell(tmp_path):
+    cell = loaded(tmp_path, f'{SMALLEST}[import]\nunits = "inch"\naccept_words = ["A"]\n')
+    given = call_keys({"units": "mm", "task": None, "accept_words": "A,B", "recover": True})
+    assert given == {"units": "mm", "accept_words": ("A", "B")}
+    assert cell.with_keys(given).reading == replace(
+        cell.reading, units="mm", accept_words=("A", "B")
+    )
+    assert cell.with_keys({"units": None, "columns": ""}) == cell
+    chosen = cell.with_keys({"strategy": "each", "emitter": "mine", "cam_lines": False})
+    assert (chosen.optimize.strategy, chosen.krl.emitter) == (Strategy.EACH, "mine")
+    assert not chosen.krl.cam_lines
+    with pytest.raises(CellError, match="PLN204: preset 'x': expected one of stiffest"):
+        cell.with_keys({"preset": "x"})
+
+
+def test_half_a_tracker_is_none(tmp_path):
+    fault = complaint(tmp_path, f"{SMALLEST}[measuring]\nrange_sigma_mm = 0.01\n")
+    assert "measuring: range_sigma_mm and angle_sigma_mm_per_m belong together" in str(fault)
 
 
 def test_defaults_are_filled_in_and_marked(tmp_path):
