@@ -21,11 +21,11 @@ CUT = (
 def job(tmp_path, cell):
     """Return a function: a file name, its text and pins to the request of a conversion."""
 
-    def make(name, text, pins, **options):
+    def make(name, text, pins, **keys):
         (tmp_path / name).write_text(text)
         (tmp_path / "pins.csv").write_text("# by hand\ntag,spin_deg\n" + pins)
         source, side = str(tmp_path / name), str(tmp_path / "pins.csv")
-        return ConvertRequest(source, str(cell), pins=side, **options)
+        return ConvertRequest(source, str(cell), keys, pins=side)
 
     return make
 
