@@ -379,7 +379,7 @@ def document(conversion: Conversion) -> dict[str, Any]:
     return {
         "schema": "postproc.convert/1",
         "program": conversion.name,
-        "files": sorted(conversion.files),
+        "files": list(conversion.files),
         "tags": len(conversion.toolpath),
         "assumed": list(assumptions(conversion.toolpath, conversion.cell)),
         "points": len(plan),

@@ -58,7 +58,8 @@ def test_a_path_becomes_a_program_that_passes_its_points(tmp_path, cell, run):
     assert code == 0, err
     assert document["tags"] == 8
     assert document["failures"] == []
-    assert sorted(p.name for p in out.iterdir()) == sorted(document["files"])
+    assert document["files"] == ["square.src", "square.dat"]
+    assert {p.name for p in out.iterdir()} == set(document["files"])
     text = (out / f"{document['program']}.src").read_bytes().decode("ascii")
     assert text.count("\r\n") == text.count("\n")
     ends = points_of(text)
