@@ -46,7 +46,9 @@ def groups_of(
         found += [group.of_program(name) if name else group for group in own]
     found = [*(group for group in found if group.kind != "spin"), *beside.one_spin(found)]
     found += beside.listed(differences, compared, {group.kind for group in found})
-    return tuple(sorted(beside.with_cause(found), key=lambda group: KINDS.index(group.kind)))
+    places = sum(len(review.matched.pairs) for review in reviews)
+    told = beside.with_cause(found, places)
+    return tuple(sorted(told, key=lambda group: KINDS.index(group.kind)))
 
 
 class _Review:

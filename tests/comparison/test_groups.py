@@ -1,6 +1,7 @@
 """The first line of a comparison says what the engineer did."""
 
 import json
+import re
 import xml.etree.ElementTree as ET
 
 import pytest
@@ -225,6 +226,19 @@ def test_programs_without_cam_lines_and_to_the_same_place(made, capsys):
     assert (code, group["kind"], group["count"]) == (1, "moved", 1)
     assert old.read_text().splitlines()[int(group["ids"][0].split()[1]) - 1].startswith("LIN {X 60")
     assert json.loads(answer(capsys, "diff", old, old, "--json")[1])["groups"] == []
+
+
+def test_a_few_turns_are_no_other_cell(made, tmp_path, capsys):
+    old, new = made() / "panel.src", tmp_path / "panel.src"
+    turned = re.sub(r"(X 60\.0+,Y 50\.0+,.*A )(-?[\d.]+)", _more, old.read_text())
+    new.write_text(turned)
+    (tmp_path / "panel.dat").write_text((old.parent / "panel.dat").read_text())
+    groups = json.loads(answer(capsys, "diff", old, new, "--json")[1])["groups"]
+    assert [(group["kind"], group["ids"]) for group in groups] == [("spin", ["B2"])]
+
+
+def _more(found):
+    return f"{found[1]}{float(found[2]) + 3.0:.5f}"
 
 
 def test_the_document(made, capsys):
