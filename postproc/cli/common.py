@@ -351,6 +351,12 @@ def standard_options(function: Callable[Concatenate[Session, P], R]) -> Callable
     @click.option("-q", "--quiet", is_flag=True, help="Print errors only.")
     @functools.wraps(function)
     def wrapper(*args: P.args, **kwargs: P.kwargs) -> R:
+        context = click.get_current_context()
+        for parameter in context.command.params:
+            value = kwargs.get(str(parameter.name))
+            is_empty = "" in (value if isinstance(value, tuple) else (value,))
+            if is_empty and parameter.default != "":
+                raise click.BadParameter("empty, as of an unset variable", context, parameter)
         as_json = bool(kwargs.pop("as_json"))
         quiet = bool(kwargs.pop("quiet"))
         return function(Session(as_json, quiet), *args, **kwargs)

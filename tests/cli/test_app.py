@@ -62,6 +62,16 @@ def test_a_wrong_call_is_one_line_and_exit_2(arguments, capsys):
     assert "Traceback" not in err
 
 
+def test_an_empty_value_is_refused_as_of_an_unset_variable(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    wrong = []
+    for call in ("convert a --cell c -o ''", "lint ''", "fit-base a --cell ''", "sample --name ''"):
+        code, _, err = run([word.strip("'") for word in call.split()], capsys)
+        if code != 2 or "CLI001" not in err:
+            wrong.append(call)
+    assert (wrong, list(tmp_path.iterdir())) == ([], [])
+
+
 def test_a_missing_input_is_named(tmp_path, capsys):
     code, out, err = run(["inspect", str(tmp_path / "none.cls")], capsys)
     assert (code, out) == (2, "")
