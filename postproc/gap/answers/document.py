@@ -284,6 +284,7 @@ def _candidate(diagnosis: Diagnosis, name: str, before: float, after: float) -> 
         "shrinkage": round(1.0 - after / before, 4) if known else None,
         "shrinkage_ci": None,
         "parameters": {},
+        "interval_90": None,
         "confounded_with": sorted(n.name for n in diagnosis.judged.adopted if name in n.confounded),
         "reason": diagnosis.judged.reasons.get(name, "the rows do not call for it"),
     }
