@@ -216,7 +216,7 @@ class _Job:
 
         ``suspect``: those that look wrong by themselves, or those that do not.
         """
-        if self._most is suspect:
+        if (self._most or self._are_elsewhere()) is suspect:
             yield from self._least(list(cures.units(self._cell, self._unit())))
         if not self._most:
             return
@@ -224,6 +224,17 @@ class _Job:
             yield from self._least(list(cures.tool_axes(self._cell)))
         if cures.turned_away(self._reach) is suspect:
             yield from self._least(list(cures.turns(self._reach, self._cell)))
+
+    def _are_elsewhere(self) -> bool:
+        """Return whether the failing tags lie off the solid of the part, as in a wrong unit."""
+        first = 0
+        for problem, _ in self._reach.pieces:
+            own = self._tags[(self._tags >= first) & (self._tags < first + len(problem))] - first
+            first += len(problem)
+            points = problem.placement.p_base_tcp[own]
+            if len(own) and on_the_part(points, problem.cell) is not False:
+                return False
+        return True
 
     def _unit(self) -> str:
         """Return the unit of the input that may be wrong; tags that lie on the part prove it."""

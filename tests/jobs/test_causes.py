@@ -12,8 +12,9 @@ from postproc.jobs.convert import ConvertRequest, convert, explained
 from tests.jobs.broken import broken, converted, told
 
 pytestmark = pytest.mark.causes
-SAMPLE = (("singular", 1), ("metres", 0), ("axis", 0), ("fixture", 0))
-"""A margin, a unit, a tool and a solid; a place and a limit below, all kinds and more of each:
+SAMPLE = (("singular", 1), ("metres", 0), ("inch", 8201), ("axis", 0), ("fixture", 0))
+"""A margin, units (once with one tag alone too far), a tool and a solid; a place and a limit below.
+All kinds and more of each:
 ``python -m tests.jobs.broken``."""
 
 
