@@ -21,7 +21,12 @@ SLOW = 0.5 * DEG
 
 @register
 class ControllerDelay(PathEffect):
-    """The reference, one time shift of all joints later."""
+    """The reference, one time shift of all joints later: the shift [s], and a share of 0 to 1.
+
+    The share is of the mean of the places half a cycle before and behind: what a straight line
+    between two samples is, and no part of an arm. Whoever shifts a record by no whole cycle, or
+    brings two clocks to one, leaves that much in it.
+    """
 
     name = "controller_delay"
     title = "all joints follow the command by one delay"
@@ -35,18 +40,31 @@ class ControllerDelay(PathEffect):
     def start(self, stage: Stage, rest: FloatArray, sigma: FloatArray) -> FloatArray | None:
         """Begin without a delay, where a joint moves."""
         del rest, sigma
-        return np.zeros(1) if moving(stage, SLOW).any() else None
+        return np.zeros(2) if moving(stage, SLOW).any() else None
 
     def part(self, stage: Stage, theta: FloatArray, tangent: bool = True) -> Part:
         """Move every joint to where its reference was."""
-        del tangent
         value, rate = delayed(stage, float(theta[0]))
-        pieces = [Piece(output, (0,), row[:, None]) for output, row in enumerate(rate)]
-        return Part(value, pieces)
+        if not tangent and not theta[1]:
+            return Part(value, [])
+        half = 0.5 * stage.scene.recording.cycle
+        around = [delayed(stage, float(theta[0]) + by)[0] for by in (-half, half)]
+        between = 0.5 * (around[0] + around[1]) - value
+        columns = np.stack([rate, between], axis=2)
+        pieces = [Piece(output, (0, 1), column) for output, column in enumerate(columns)]
+        return Part(value + theta[1] * between, pieces)
 
     def widths(self, theta: FloatArray) -> FloatArray:
-        """Return some cycles of a controller."""
-        return np.full(len(theta), self.usual)
+        """Return some cycles of a controller, and any share."""
+        return np.array([self.usual, 1.0])
+
+    def moved(self, theta: FloatArray, step: FloatArray) -> FloatArray:
+        """Return the delay, and a share that is one."""
+        return np.array([theta[0] + step[0], np.clip(theta[1] + step[1], 0.0, 1.0)])
+
+    def count(self, theta: FloatArray) -> int:
+        """Return how many there are: most records were shifted by nobody."""
+        return int(np.sum(theta != 0.0))
 
     def table(self, stage: Stage, theta: FloatArray, deviation: FloatArray) -> dict[str, Any]:
         """Return the delay."""
@@ -57,4 +75,4 @@ class ControllerDelay(PathEffect):
         """Return the delay of a file."""
         del table
         value = model.values(self.name, self.keys[0], within=(-self.most, self.most))
-        return None if value is None else np.atleast_1d(value)
+        return None if value is None else np.array([float(value), 0.0])
