@@ -40,7 +40,7 @@ from postproc.controller import (
     World,
     pose_of,
 )
-from postproc.errors import KrlError, RunKind
+from postproc.errors import KrlError, RunKind, SourceRef
 from postproc.krl import (
     Assign,
     Axes,
@@ -321,7 +321,11 @@ class _Lister(Interpreter):
 
     def said(self, statement: Statement) -> str:
         """Return a statement as it is written, with the values that its names have here."""
-        text = spaced(render_statement(replace(statement, comment="")))
+        try:
+            text = spaced(render_statement(replace(statement, comment="")))
+        except KrlError as problem:  # a number too large to be written
+            source = SourceRef(self._stack[-1].module.src_path, statement.line)
+            raise KrlError(problem.code, problem.message, source) from None
         values = []
         for name in dict.fromkeys(_NAME.findall(text)):
             scope = self._memory.lookup(name)

@@ -165,8 +165,8 @@ class Interpreter:
         self._stack.append(run)
         self._line = routine.line
         if flow.broken:
-            self._line = flow.broken[0][0]
-            self.finding(RunKind.STRUCTURE, "program control without its other half")
+            self._line, wrong = flow.broken[0]
+            self.finding(RunKind.STRUCTURE, f"program control without its other half: {wrong}")
         else:
             self._loop(run)
         self._stack.pop()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import Any
@@ -20,17 +19,9 @@ from postproc.controller.runtime import (
 from postproc.controller.trace import World
 from postproc.errors import SourceRef
 
-_STRUCTURE = re.compile(r"\s*(?:GLOBAL\s+)?STRUC\s+(\w+)\s+(.*)", re.IGNORECASE)
-_EXTERNAL = {f"E{axis}": "REAL" for axis in range(1, 7)}
-_FRAME = dict.fromkeys("XYZABC", "REAL")
-_POS = _FRAME | {"S": "INT", "T": "INT"}
-_AXIS = {f"A{axis}": "REAL" for axis in range(1, 7)}
-_POSITIONS: dict[str, dict[str, str]] = {
-    "FRAME": _FRAME,
-    "POS": _POS,
-    "E6POS": _POS | _EXTERNAL,
-    "AXIS": _AXIS,
-    "E6AXIS": _AXIS | _EXTERNAL,
+_POSITIONS = {
+    kind: {name: "INT" if name in "ST" else "REAL" for name in names}
+    for kind, names in (krl.POSE_TYPES | krl.AXES_TYPES).items()
 }
 
 
@@ -90,15 +81,10 @@ class Memory:
     def _learn(self, statements: Iterable[krl.Statement]) -> None:
         """Note the types of the components of structures; of arrays in them none."""
         for text in [s.text for s in statements if type(s) is krl.Raw]:
-            found = _STRUCTURE.match(text)
-            fields: dict[str, str] = {}
-            type_name = ""
-            for part in found[2].split(",") if found is not None else ():
-                *words, name = part.upper().split() or [""]
-                type_name = words[0] if words else type_name
-                fields[name] = type_name
+            found = krl.structure_of(text)
             if found is not None:
-                self._fields[found[1].upper()] = fields
+                name, fields = found
+                self._fields[name] = {n: kind.name for n, kind in fields.items() if not kind.sizes}
 
     def typed(self, value: Any, type_name: str, name: str) -> Any:  # noqa: ANN401
         """Return a value as what was declared so takes it, ``UNKNOWN`` where it cannot."""

@@ -5,7 +5,7 @@ All that ``krl.text`` offers is offered here.
 
 from postproc.krl import text
 from postproc.krl.lint import lint
-from postproc.krl.rules.scope import declared_names
+from postproc.krl.rules.scope import AXES_TYPES, POSE_TYPES, declared_names, structure_of
 from postproc.krl.rules.subject import LintOptions
 from postproc.krl.system import (
     Effect,

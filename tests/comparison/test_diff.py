@@ -301,15 +301,18 @@ def test_what_cannot_be_compared(tmp_path):
     folder = write(tmp_path / "a", W_src=whole(LINES))
     broken = write(tmp_path / "b", W_src=whole(["IF x THEN"]))
     foreign = write(tmp_path / "c", W_src=whole(["G01 X3"]))
+    huge = write(tmp_path / "d", W_src=whole(["PULSE($OUT[1], TRUE, 1e10)"]))
     for left, right, code in (
         (folder, folder / "W.src", "DIF001"),
         (folder / "W.src", broken / "W.src", "KRL009"),
         (folder / "W.src", foreign / "W.src", "KRL004"),
+        (folder / "W.src", huge / "W.src", "KRL901"),
         (folder / "W.src", tmp_path / "none.src", "IO001"),
     ):
         with pytest.raises(PostprocError) as caught:
             diff(left, right)
         assert caught.value.code == code
+        assert code != "KRL901" or caught.value.source.path == str(right)
 
 
 def test_programs_of_ours_are_the_same_after_reading_and_printing(emitted):

@@ -26,14 +26,14 @@ _EXTERNAL = frozenset(f"E{i}" for i in range(1, 7))
 _THREE = frozenset({"E1", "E2", "E3"})
 _PDAT = "VEL ACC APO_DIST APO_MODE GEAR_JERK EXAX_IGN CB AXIS_VEL"
 _LDAT = "VEL ACC APO_DIST APO_FAC AXIS_VEL AXIS_ACC ORI_TYP CIRC_TYP JERK_FAC GEAR_JERK EXAX_IGN CB"
-POSE_TYPES: Mapping[str, frozenset[str]] = {
+POSE_TYPES: dict[str, frozenset[str]] = {
     "FRAME": _FRAME,
     "POS": _FRAME | _STATUS,
     "E3POS": _FRAME | _STATUS | _THREE,
     "E6POS": _FRAME | _STATUS | _EXTERNAL,
 }
 """Components of the types of a place in space."""
-AXES_TYPES: Mapping[str, frozenset[str]] = {
+AXES_TYPES: dict[str, frozenset[str]] = {
     "AXIS": _ROBOT,
     "E3AXIS": _ROBOT | _THREE,
     "E6AXIS": _ROBOT | _EXTERNAL,
@@ -110,13 +110,13 @@ class Scope:
                 self._define(text)
 
     def _define(self, text: str) -> None:
-        found = DEFINES.match(text)
-        kind, name = (found.group(1).upper(), found.group(2).upper()) if found else ("", "")
-        if found and kind == "STRUC":
-            fields = dict(_fields(found.group(3)))
+        structure, found = structure_of(text), DEFINES.match(text)
+        if structure is not None:
+            name, fields = structure
             known = self.structures.setdefault(name, fields)
             self.structures[name] = fields if known == fields else None
-        elif found and kind == "ENUM":
+        elif found and found.group(1).upper() == "ENUM":
+            name = found.group(2).upper()
             constants = frozenset(found.group(3).upper().replace(",", " ").split())
             listed = self.enumerations.setdefault(name, constants)
             self.enumerations[name] = constants if listed == constants else None
@@ -316,6 +316,14 @@ def _variables(statements: Iterable[krl.Statement]) -> Iterator[tuple[str, Type 
             found = DEFINES.match(statement.text)
             if found and found.group(1).upper() in ("SIGNAL", "CHANNEL"):
                 yield found.group(2).upper(), None
+
+
+def structure_of(text: str) -> tuple[str, dict[str, Type]] | None:
+    """Return the name of a structure and the types of its components, None of another line."""
+    found = DEFINES.match(text)
+    if found is None or found.group(1).upper() != "STRUC":
+        return None
+    return found.group(2).upper(), dict(_fields(found.group(3)))
 
 
 def _fields(text: str) -> Iterator[tuple[str, Type]]:

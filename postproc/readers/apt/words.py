@@ -54,6 +54,7 @@ _QUOTED = re.compile(r"'([^']*)'")
 _CODE = re.compile(r"[/'\"\s]*(?:N\s*\d+\s*)?[GMTSF#]\s*\d", re.IGNORECASE)
 """Code of a control, perhaps behind its skip sign and block number: it can do anything."""
 _ASKS_FOR_MORE = re.compile(r"(?<!\$)\$\s*$")
+_STOPS = {"STOP": EventKind.STOP, "OPSTOP": EventKind.OPTIONAL_STOP}
 _STOP = re.compile(r"STOP\b", re.IGNORECASE)
 
 
@@ -279,9 +280,11 @@ def _insert(state: AptState, statement: Statement) -> None:
         state.add_event(EventKind.MESSAGE, 0.0, text)
 
 
-def _message(state: AptState, statement: Statement) -> None:
-    if statement.free_text:
-        state.add_event(EventKind.MESSAGE, 0.0, statement.free_text)
+def _text(state: AptState, statement: Statement) -> None:
+    """A text to the operator, with a stop or without."""
+    kind = _STOPS.get(statement.word, EventKind.MESSAGE)
+    if statement.free_text or statement.word in _STOPS:
+        state.add_event(kind, 0.0, statement.free_text)
 
 
 def _coolant(state: AptState, statement: Statement) -> None:
@@ -305,14 +308,6 @@ def _dwell(state: AptState, statement: Statement) -> None:
             raise state.faults.error("APT072", "DELAY in turns without a spindle speed", state.line)
         seconds /= state.spindle
     state.add_event(EventKind.DWELL, seconds)
-
-
-def _stop(state: AptState, statement: Statement) -> None:
-    state.add_event(EventKind.STOP, 0.0, statement.free_text)
-
-
-def _optional_stop(state: AptState, statement: Statement) -> None:
-    state.add_event(EventKind.OPTIONAL_STOP, 0.0, statement.free_text)
 
 
 def _compensation(state: AptState, statement: Statement) -> None:
@@ -427,12 +422,12 @@ _HANDLERS: dict[str, Handler] = {
     "TLDATA": _tool_data,
     "TOOL PATH": _tool_path,
     "INSERT": _insert,
-    "PARTNO": _message,
-    "PPRINT": _message,
-    "TPRINT": _message,
+    "PARTNO": _text,
+    "PPRINT": _text,
+    "TPRINT": _text,
     "DELAY": _dwell,
-    "STOP": _stop,
-    "OPSTOP": _optional_stop,
+    "STOP": _text,
+    "OPSTOP": _text,
     "CUTCOM": _compensation,
     "FROM": _from,
     "GOHOME": _go_home,

@@ -5,7 +5,7 @@ What is in no table may change anything, so it is refused by its name like a wor
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator
 
 from lxml import etree
 
@@ -45,38 +45,19 @@ _ONLY = {
 """Values of what is read without being carried out: any other changes where the tool goes."""
 
 
-class Strange:
-    """Collects what is in no table.
-
-    Args:
-        found: lines by name, filled as elements are looked at.
-        line_of: of an element.
-    """
-
-    def __init__(
-        self, found: dict[str, list[int]], line_of: Callable[[etree._Element], int]
-    ) -> None:
-        self._found = found
-        self._line_of = line_of
-
-    def look(self, element: etree._Element) -> None:
-        """Look at an element and all in it; what is in a strange one is not looked at."""
-        tag = etree.QName(element).localname
-        attributes = _KNOWN.get(tag)
-        if attributes is None:
-            self._note(tag, element)
-            return
-        for name, value in element.attrib.items():
-            if str(name)[:1] == "{":  # of XML itself
-                continue
-            if name not in attributes or str(value).strip().lower() not in _ONLY.get(
-                str(name), (str(value).strip().lower(),)
-            ):
-                self._note(str(name), element)
-        if tag in _ONLY and (element.text or "").strip().lower() not in _ONLY[tag]:
-            self._note(tag, element)
-        for child in element:
-            self.look(child)
-
-    def _note(self, name: str, element: etree._Element) -> None:
-        self._found.setdefault(name, []).append(self._line_of(element))
+def strange(element: etree._Element) -> Iterator[tuple[str, etree._Element]]:
+    """Yield what is in no table of an element and all in it, by name; not what is in it in turn."""
+    tag = etree.QName(element).localname
+    attributes = _KNOWN.get(tag)
+    if attributes is None:
+        yield tag, element
+        return
+    for name, value in element.attrib.items():
+        text = str(value).strip().lower()
+        of_xml = str(name)[:1] == "{"
+        if not of_xml and (name not in attributes or text not in _ONLY.get(str(name), (text,))):
+            yield str(name), element
+    if tag in _ONLY and (element.text or "").strip().lower() not in _ONLY[tag]:
+        yield tag, element
+    for child in element:
+        yield from strange(child)

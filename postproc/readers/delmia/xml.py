@@ -12,7 +12,7 @@ from typing import BinaryIO
 from lxml import etree
 
 from postproc.files import open_input
-from postproc.readers.delmia.known import Strange
+from postproc.readers.delmia.known import strange
 from postproc.readers.delmia.records import (
     N_JOINTS,
     NAN,
@@ -121,8 +121,13 @@ def read_document(path: str, faults: Faults) -> Document:
     if root is None or root.tag != _ROOT:
         tag = "nothing" if root is None else str(root.tag)[:40]
         raise faults.error("DEL003", f"the root element is {tag}, expected {_ROOT}", 1)
-    Strange(document.strange, _line).look(root)
+    _note_strange(document, root)
     return document
+
+
+def _note_strange(document: Document, element: etree._Element) -> None:
+    for name, found in strange(element):
+        document.strange.setdefault(name, []).append(_line(found))
 
 
 def _walk(events: etree.iterparse, checked: _Checked, document: Document, faults: Faults) -> None:
@@ -137,7 +142,7 @@ def _walk(events: etree.iterparse, checked: _Checked, document: Document, faults
         parent = element.getparent()
         while parent is not None and element.getprevious() is not None:
             if parent[0].tag != "Activity":
-                reader.strange.look(parent[0])
+                _note_strange(document, parent[0])
             del parent[0]
 
 
@@ -151,7 +156,6 @@ class _ElementReader:
         self._items: list[Item] = []
         self._has_tasks = False
         self._bases: dict[tuple[str, ...], tuple[float, ...]] = {}
-        self.strange = Strange(document.strange, _line)
 
     def take(self, element: etree._Element) -> None:
         """Take one element of ``_TAGS``."""
@@ -166,7 +170,7 @@ class _ElementReader:
             "Resource": self._resource,
         }[str(element.tag)]
         if element.tag != "Activity" or not self._is_other(element):
-            self.strange.look(element)
+            _note_strange(self._document, element)
         handler(element)
 
     def _general(self, element: etree._Element) -> None:

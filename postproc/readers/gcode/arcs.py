@@ -16,15 +16,8 @@ from postproc.units import MM
 PLANES = {"G17": (0, 1, 2), "G18": (2, 0, 1), "G19": (1, 2, 0)}
 """First and second axis of a plane, and its normal: counterclockwise leads from first to second."""
 
-
-@dataclass(frozen=True, slots=True)
-class Arc:
-    """A row of ``Arcs``: centre (3,) and unit normal (3,), radius [m], sweep [rad]."""
-
-    centre: FloatArray
-    normal: FloatArray
-    radius: float
-    sweep: float
+ArcRow = tuple[FloatArray, FloatArray, float, float]
+"""A row of ``Arcs``: centre (3,) and unit normal (3,), radius [m], sweep [rad]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +32,7 @@ class ArcWords:
     line: int
 
 
-def arc_of(words: ArcWords, start: FloatArray, end: FloatArray, faults: Faults) -> Arc:
+def arc_of(words: ArcWords, start: FloatArray, end: FloatArray, faults: Faults) -> ArcRow:
     """Return the arc from start to end (3,) [m].
 
     Raises:
@@ -66,7 +59,7 @@ def arc_of(words: ArcWords, start: FloatArray, end: FloatArray, faults: Faults) 
         sweep = tau
     else:
         sweep = float(angle_about(normal[None], to_start[None], to_end[None])[0])
-    return Arc(centre, normal, radius, sweep + tau * (words.turns - 1))
+    return centre, normal, radius, sweep + tau * (words.turns - 1)
 
 
 def _by_radius(words: ArcWords, start: FloatArray, end: FloatArray, faults: Faults) -> FloatArray:

@@ -153,7 +153,7 @@ def _toolpath(machine: Machine, path: str) -> ToolPath:
         **whole,
         operations=tuple(machine.operations),
         tools=tuple(machine.tools),
-        arcs=_arcs(machine) if arcs else Arcs.none(),
+        arcs=Arcs(*map(np.array, zip(*arcs, strict=True))) if arcs else Arcs.none(),
         cycles=tuple(machine.cycles),
         events=tuple(machine.events),
         setup=np.array(columns["setup"], dtype=np.int32) if machine.setups else None,
@@ -163,14 +163,4 @@ def _toolpath(machine: Machine, path: str) -> ToolPath:
         unknown_words={use.word: len(use.lines) for use in machine.uses.all() if use.refused},
         warnings=machine.faults.warnings,
         recovered=machine.faults.fixes,
-    )
-
-
-def _arcs(machine: Machine) -> Arcs:
-    arcs = machine.arcs
-    return Arcs(
-        np.array([arc.centre for arc in arcs]),
-        np.array([arc.normal for arc in arcs]),
-        np.array([arc.radius for arc in arcs]),
-        np.array([arc.sweep for arc in arcs]),
     )

@@ -19,7 +19,7 @@ from postproc.model import (
     Operation,
 )
 from postproc.readers.base import LENGTH_UNITS, ReadOptions
-from postproc.readers.gcode.arcs import Arc
+from postproc.readers.gcode.arcs import ArcRow
 from postproc.readers.gcode.blocks import Block
 from postproc.readers.gcode.head import UPRIGHT, head_of
 from postproc.readers.text import Faults, shortened
@@ -89,7 +89,7 @@ class Machine(AtLine):
         self.tools: list[CamTool] = []
         self.setups: list[CamSetup] = []
         self.cycles: dict[Cycle, int] = {}
-        self.arcs: list[Arc] = []
+        self.arcs: list[ArcRow] = []
         self.events: list[Event] = []
         self.operations: list[Operation] = []
         self.remark = ""

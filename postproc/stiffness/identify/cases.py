@@ -119,14 +119,16 @@ def load_cases(
     group = _group_numbers(measured.group, place)
     loaded = _varying(posture, measured.wrench)
     floor = _floor(posture, measured.wrench, rows.position)
-    if not np.any(loaded):
-        return _absolute(measured, rows, posture, place, group, floor)
-    keep = np.flatnonzero(loaded)
-    first, A, d, scale, last = _contrasts(posture[keep], rows.A[keep], rows.position[keep])
-    at = keep[last]
-    ids = tuple(
-        f"{measured.ids[a]}/{measured.ids[b]}" for a, b in zip(keep[first], at, strict=True)
-    )
+    paired = bool(np.any(loaded))
+    if paired:
+        keep = np.flatnonzero(loaded)
+        first, A, d, scale, last = _contrasts(posture[keep], rows.A[keep], rows.position[keep])
+        at = keep[last]
+        pairs = zip(keep[first], at, strict=True)
+        ids = tuple(f"{measured.ids[a]}/{measured.ids[b]}" for a, b in pairs)
+    else:
+        at, ids, scale = np.arange(len(measured)), tuple(measured.ids), np.ones(len(measured))
+        A, d = rows.A, rows.position - rows.nominal
     return LoadCases(
         q=measured.q[at],
         A=A,
@@ -137,9 +139,9 @@ def load_cases(
         group=group[at],
         posture=posture[at],
         ids=ids,
-        paired=True,
+        paired=paired,
         floor=floor,
-        dropped=int(np.sum(~loaded)),
+        dropped=int(np.sum(~loaded)) if paired else 0,
         readings=_counts(measured, posture, place),
     )
 
@@ -266,30 +268,6 @@ def _contrasts(
     back = np.argsort(joined[4], kind="stable")
     first, contrast, moved, scale, last = (column[back] for column in joined)
     return first, contrast, moved, scale, last
-
-
-def _absolute(
-    measured: MeasurementSet,
-    rows: _Rows,
-    posture: IntArray,
-    place: IntArray,
-    group: IntArray,
-    floor: NoiseFloor | None,
-) -> LoadCases:
-    return LoadCases(
-        q=measured.q,
-        A=rows.A,
-        d=rows.position - rows.nominal,
-        point=rows.nominal,
-        scale=np.ones(len(measured)),
-        place=place,
-        group=group,
-        posture=posture,
-        ids=measured.ids,
-        paired=False,
-        floor=floor,
-        readings=_counts(measured, posture, place),
-    )
 
 
 def _counts(measured: MeasurementSet, posture: IntArray, place: IntArray) -> dict[str, int]:
