@@ -30,7 +30,7 @@ from postproc.emitters.kuka.events import EventWriter
 from postproc.emitters.kuka.forms import FormWriter
 from postproc.emitters.kuka.motion import ANCHOR_PERCENT, PartWriter
 from postproc.emitters.kuka.points import PointStore
-from postproc.emitters.kuka.restart import HoleGuards
+from postproc.emitters.kuka.restart import HoleGuards, Stage
 from postproc.emitters.kuka.setup import (
     HOOKS_MODULE,
     SETUP_ENDING,
@@ -98,11 +98,12 @@ class _Program:
         extra = (SETUP_ENDING,) if self.style.setup else ()
         self.names.reserve((HOOKS_MODULE, *self.style.hooks.values()))
         name = self.names.allocate(self.plan.name, (*endings, *extra))
+        main_data = () if self.guards is None else restart.MAIN_DATA
         if endings:
             subs = [name + ending for ending in endings]
-            handed = () if self.guards is None else restart.arguments()
+            handed = () if self.guards is None else restart.ARGUMENTS
             body = self._main([krl.Call(sub, handed) for sub in subs])
-            modules = [self._module(name, body, self._main_data())]
+            modules = [self._module(name, body, main_data)]
             modules += [
                 self._module(sub, *self._sub(number, part), is_sub=True)
                 for number, (sub, part) in enumerate(zip(subs, parts, strict=True), 1)
@@ -110,12 +111,9 @@ class _Program:
         else:
             writer = self._writer(parts[0])
             body = self._main(writer.statements())
-            data = [*self._main_data(), *writer.points.declarations]
+            data = [*main_data, *writer.points.declarations]
             modules = [self._module(name, body, data)]
         return (*modules, *self._extras(name))
-
-    def _main_data(self) -> list[krl.Statement]:
-        return [] if self.guards is None else restart.main_data()
 
     def _extras(self, name: str) -> list[krl.KrlModule]:
         """Return the separate modules that the cell asks for."""
@@ -143,10 +141,11 @@ class _Program:
         quality = border_quality(self.plan).astype(int)
         within = calls_within(self.plan)
         if self.guards is not None:
-            later = range(1, len(self.plan))
-            borders = [self.guards.is_border(i) for i in later]
-            quality[1:] = np.where(borders, quality[1:] + 1, 0)
-            within[1:] |= [self.guards.is_within_hole(i) for i in later]
+            stage, hole = self.guards.stage, self.guards.hole
+            same = (stage[1:] == stage[:-1]) & (hole[1:] == hole[:-1])
+            is_stroke = stage[1:] == Stage.STROKE
+            quality[1:] = np.where(same | is_stroke, 0, quality[1:] + 1)
+            within[1:] |= same & is_stroke
         quality[within] = krl.NO_BORDER
         source = SourceRef(self.cell.path)
         return krl.split(quality, self.style.max_points_per_file, forced, source)
@@ -299,9 +298,9 @@ class _Program:
         attributes = self._attributes(name)
         head = self.templates.statements("data_head", {})
         data = krl.DataList(name, (*head, *points), attributes=attributes)
-        handed = restart.parameters() if is_sub and self.guards is not None else ()
+        handed = restart.PARAMETERS if is_sub and self.guards is not None else ()
         if handed:
-            statements = [*restart.sub_declarations(), *statements]
+            statements = [restart.SUB_DATA, *statements]
         return krl.KrlModule(
             name, (krl.Routine(name, tuple(statements), handed),), data, attributes
         )

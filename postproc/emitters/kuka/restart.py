@@ -110,14 +110,6 @@ class HoleGuards:
         """Return stage and hole of a move."""
         return Stage(self.stage[index]), int(self.hole[index])
 
-    def is_border(self, index: int) -> bool:
-        """Return whether a file may begin with a move: between two holes."""
-        return self.key(index)[0] is not Stage.STROKE and self.key(index) != self.key(index - 1)
-
-    def is_within_hole(self, index: int) -> bool:
-        """Return whether a move goes on with the stroke of a hole."""
-        return self.key(index)[0] is Stage.STROKE and self.key(index) == self.key(index - 1)
-
     def enter(self, key: Key, index: int, way: krl.Statement | None) -> list[krl.Statement]:
         """Return the lines before moves of a stage; ``way``: the motion straight above a hole."""
         stage, hole = key
@@ -190,29 +182,16 @@ def _reach(first_of: IntArray, direct: BoolArray, entry: IntArray) -> tuple[IntA
     return travel, np.where(may, entry, -1).astype(np.int32)
 
 
-def parameters() -> tuple[krl.Parameter, ...]:
-    """Return the parameters of a sub-program."""
-    return krl.Parameter(START, "IN"), krl.Parameter(LAST, "OUT")
-
-
-def arguments() -> tuple[krl.Expr, ...]:
-    """Return what the main program hands to its sub-programs."""
-    return krl.Expr(START), krl.Expr(LAST)
-
-
-def sub_declarations() -> list[krl.Statement]:
-    """Return the declarations of a sub-program."""
-    return [krl.Declaration("INT", (krl.Variable(START), krl.Variable(LAST)))]
-
-
-def main_data() -> list[krl.Statement]:
-    """Return the data of the main program."""
-    return [
-        krl.Comment(" the hole to begin with, to be set before the program is started; 1: all"),
-        krl.Declaration("INT", (krl.Variable(START, None, 1),)),
-        krl.Comment(" the last hole that was finished"),
-        krl.Declaration("INT", (krl.Variable(LAST, None, 0),)),
-    ]
+PARAMETERS = (krl.Parameter(START, "IN"), krl.Parameter(LAST, "OUT"))
+ARGUMENTS = (krl.Expr(START), krl.Expr(LAST))
+"""What the main program hands to its sub-programs."""
+SUB_DATA = krl.Declaration("INT", (krl.Variable(START), krl.Variable(LAST)))
+MAIN_DATA = (
+    krl.Comment(" the hole to begin with, to be set before the program is started; 1: all"),
+    krl.Declaration("INT", (krl.Variable(START, None, 1),)),
+    krl.Comment(" the last hole that was finished"),
+    krl.Declaration("INT", (krl.Variable(LAST, None, 0),)),
+)
 
 
 def _if(condition: str) -> krl.Control:

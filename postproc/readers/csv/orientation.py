@@ -38,11 +38,6 @@ def unit_rows(vectors: FloatArray, what: str, line: IntArray, faults: Faults) ->
     return unit
 
 
-def rotation_from_rpy(rpy: FloatArray) -> FloatArray:
-    """Return (n, 3, 3) from roll, pitch, yaw (n, 3) [rad]: R = Rz(yaw) Ry(pitch) Rx(roll)."""
-    return rotation_from_abc(rpy[..., ::-1])
-
-
 def rotation_from_wxyz(q_wxyz: FloatArray) -> FloatArray:
     """Return (n, 3, 3) from unit quaternions (n, 4), scalar first."""
     w, x, y, z = np.moveaxis(q_wxyz, -1, 0)
@@ -68,4 +63,5 @@ def rotations_from(
     """Return R_part_tcp (n, 3, 3) from A,B,C or roll,pitch,yaw [rad], or a quaternion."""
     if roles[0] == "qw":
         return rotation_from_wxyz(unit_rows(values, "quaternion", line, faults))
-    return rotation_from_abc(values) if roles[0] == "a" else rotation_from_rpy(values)
+    # R = Rz(yaw) Ry(pitch) Rx(roll): a, b, c backwards
+    return rotation_from_abc(values if roles[0] == "a" else values[..., ::-1])

@@ -59,15 +59,11 @@ class Columns:
 def in_si(columns: list[Column], data: Columns, units: str) -> Columns:
     """Return the rows with all numbers in SI; of a feed per turn the advance of a turn [m]."""
     roles = [column for column in columns if column.role in data.numbers]
-    numbers = {c.role: data.numbers[c.role] * _factor(c, units) for c in roles}
+    factor = {c.role: c.unit.factor if c.unit else usual_factor(c.role, units) for c in roles}
+    numbers = {role: data.numbers[role] * size for role, size in factor.items()}
     bare = frozenset(c.role for c in roles if c.unit is None and BY_NAME[c.role].dimensions)
     per_turn = any(c.unit is not None and c.unit.dimension is Dimension.ADVANCE for c in roles)
     return Columns(data.line, numbers, data.texts, bare, per_turn)
-
-
-def _factor(column: Column, units: str) -> float:
-    """Return the factor to SI of a column; without a unit of its own it has those of the file."""
-    return usual_factor(column.role, units) if column.unit is None else column.unit.factor
 
 
 def usual_factor(name: str, units: str) -> float:

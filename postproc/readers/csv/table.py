@@ -154,8 +154,9 @@ def _separator(rows: list[str], told: str | None) -> tuple[str, bool]:
         if told or all(candidate in row for row in body):
             fields = [part for row in body for part in row.split(candidate)]
             commas = sum(1 for part in fields if _DECIMAL_COMMA.match(part))
-            points = sum(1 for part in fields if "," not in part and _is_plain(part))
-            return candidate, commas > 0 and (commas >= points or not _any_point(fields))
+            plain = [part for part in fields if _is_plain(part)]
+            points = sum("," not in part for part in plain)
+            return candidate, commas > 0 and (commas >= points or not plain)
     if all("," in row for row in body):
         with_comma = [part for row in body for part in row.split() if "," in part]
         if len(with_comma) >= 3 * len(body) and all(map(_DECIMAL_COMMA.match, with_comma)):
@@ -166,10 +167,6 @@ def _separator(rows: list[str], told: str | None) -> tuple[str, bool]:
 
 def _is_plain(part: str) -> bool:
     return "." in part and parse_number(part) is not None
-
-
-def _any_point(fields: list[str]) -> bool:
-    return any(_is_plain(part) for part in fields)
 
 
 def _is_header(fields: list[list[str]], decimal_comma: bool) -> bool:
@@ -223,7 +220,8 @@ def parse_rows(
     """
     data = block.data.replace(b",", b".") if layout.decimal_comma else block.data
     buffer = np.frombuffer(data, dtype=np.uint8)
-    check_line_length(faults.path, _longest_line(buffer), block.first_line)
+    longest = int(np.diff(np.flatnonzero(buffer == ord("\n")), prepend=-1).max())
+    check_line_length(faults.path, longest, block.first_line)
     begins, ends, lines, odd = _fields(buffer, data, block, layout)
     columns = np.array(numeric, dtype=np.int64)
     values, valid = parse_tokens(buffer, begins[:, columns].ravel(), ends[:, columns].ravel())
@@ -246,10 +244,6 @@ def parse_rows(
     }
     result = Rows(lines, numbers, empty, kept)
     return _with_odd_rows(result, odd, layout, numeric, texts, faults) if odd else result
-
-
-def _longest_line(buffer: ByteArray) -> int:
-    return int(np.diff(np.flatnonzero(buffer == ord("\n")), prepend=-1).max())
 
 
 def _number(text: str, line: int, column: int, layout: Layout, faults: Faults) -> float:

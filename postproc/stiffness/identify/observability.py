@@ -89,16 +89,15 @@ def observe(A: FloatArray, c_ref: FloatArray, sigma: float) -> Observability:
     if kept:
         relative[kept] = noise * _deviations(scaled[:, kept])
     return Observability(
-        visibility=tuple(_grade(i in kept, relative[i], motion[i], noise) for i in range(6)),
+        visibility=tuple(
+            grade_by(relative[i], motion[i], noise) if i in kept else Visibility.UNOBSERVABLE
+            for i in range(6)
+        ),
         relative_sd=relative,
         motion=motion,
         confounded=confounded,
         condition=_condition(scaled[:, kept]),
     )
-
-
-def _grade(is_kept: bool, relative_sd: float, motion: float, noise: float) -> Visibility:
-    return grade_by(relative_sd, motion, noise) if is_kept else Visibility.UNOBSERVABLE
 
 
 def grade_by(relative_sd: float, motion: float, noise: float) -> Visibility:
