@@ -30,9 +30,9 @@ _FINER = 8
 _MOST_FINER = 1000
 _ADDED = 24
 """Positions of the finer grid that are added at most."""
-BLOCKED = 10.0
-"""What a position costs at which no pose of a coarse grid of spins is free of collision, in the
-units of the objectives: 100 % of stiffness is about 1."""
+BLOCKED = 1e4
+"""What a position costs at which no pose of a coarse grid of spins is free of collision: more than
+objectives can differ by, what a model of the arm leaves among them, and less than ``UNREACHED``."""
 _COARSE = 3
 UNREACHED = 1e6
 KNOT = 0.1
