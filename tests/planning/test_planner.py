@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 from dataclasses import replace
+from traceback import walk_stack
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import pytest
 from postproc.cell.cell import MeshPlacement, Tool, Workpiece
 from postproc.geometry.frames import angle_between, rotation_y
 from postproc.kinematics import build
+from postproc.ladder import Ladder
 from postproc.model.plan import MoveKind, MoveRole
 from postproc.model.toolpath import Arcs, Cycle, Event, EventKind, MotionKind
 from postproc.planning.planner import plan
@@ -57,6 +59,21 @@ def tags_are_met(result, where):
     toolpath = result.toolpath
     tag = result.tag[where]
     assert np.allclose(result.T_base_tcp[where, :3, 3], toolpath.points[tag], atol=1e-12)
+
+
+@pytest.mark.usefixtures("no_scene")
+def test_few_calls_lead_from_the_plan_to_the_first_sweep(make_cell, make_path, monkeypatch):
+    """A reader follows one tag from the plan to the ladder: what only hands on has gone."""
+    own, chains = Ladder.solve, []
+
+    def seen(ladder):
+        frames = (frame.f_code for frame, _ in walk_stack(None))
+        chains.append([code.co_name for code in frames if "postproc" in code.co_filename])
+        own(ladder)
+
+    monkeypatch.setattr(Ladder, "solve", seen)
+    plan(row_of_holes(make_path, n=2), make_cell())
+    assert len([name for name in chains[0] if name != "seen" and "test_" not in name]) <= 8
 
 
 @pytest.mark.usefixtures("no_scene")

@@ -22,6 +22,7 @@ from postproc.planning.job import checker_of
 from postproc.planning.maps.plan_maps import at_places
 from postproc.planning.states import (
     Placement,
+    Postures,
     States,
     cross_axes,
     postures,
@@ -193,13 +194,14 @@ def _without_state(checker: Checker, tags: IndexArray) -> IntArray:
     middle = 0.5 * (np.asarray(problem.kinematics.q_min) + np.asarray(problem.kinematics.q_max))
     found = postures(problem, which, problem.placement.tcp(which, spin), middle)
     # a posture that nothing rules out counts for nothing here: it is checked as a state
-    classes = np.select(
-        [found.reached & ~found.inside, found.inside & ~found.good],
-        [SpinClass.JOINT_LIMIT, SpinClass.SINGULAR],
-        SpinClass.UNREACHABLE,
-    ).astype(np.int32)
-    best: IntArray = classes.min(axis=1).reshape(len(tags), len(spins))
-    return best
+    return ruled_out(found, SpinClass.UNREACHABLE).min(axis=1).reshape(len(tags), len(spins))
+
+
+def ruled_out(found: Postures, good: SpinClass) -> IntArray:
+    """Return the class (m, 8) of postures; ``good``: of those that nothing rules out but solids."""
+    kinds = [good, SpinClass.SINGULAR, SpinClass.JOINT_LIMIT]
+    found_by = [found.good, found.inside, found.reached]
+    return np.select(found_by, kinds, SpinClass.UNREACHABLE).astype(np.int32)
 
 
 def _quoted(text: str) -> str:

@@ -18,7 +18,7 @@ from postproc.model import Plan
 from postproc.planning.checks import Checker, Reason, moves_of_tags, near_solids
 from postproc.planning.job import checker_of
 from postproc.planning.maps.plan_maps import axes_of
-from postproc.planning.maps.spin_map import CLASS_OF, SpinClass
+from postproc.planning.maps.spin_map import CLASS_OF, SpinClass, ruled_out
 from postproc.planning.planner import plan as plan_tags
 from postproc.planning.states import (
     HELD,
@@ -207,7 +207,7 @@ class TagPoses:
         checker, own = part.checker, tags - part.low
         spins, T = self._turned(part, tags, turn)
         found = postures(checker.problem, own, T, self._near(tags)[:, None])
-        kind = _without_collision(found)
+        kind = ruled_out(found, SpinClass.COLLISION).min(axis=1)
         moves = self._moves[tags]
         branch = np.full(len(tags), -1)
         branch[moves >= 0] = self._plan.branch[moves[moves >= 0]]
@@ -257,13 +257,6 @@ def _ruled_out(checker: Checker, found: Postures) -> TagPose:
             margin, wrist = _margins(checker, q)
             return TagPose(kind, q, margin=margin, wrist=wrist)
     return TagPose(SpinClass.UNREACHABLE)
-
-
-def _without_collision(found: Postures) -> IntArray:
-    """Return the class (m,) by the postures that reach, limits and singularity rule out."""
-    rows = (found.good.any(axis=1), found.inside.any(axis=1), found.reached.any(axis=1))
-    kinds = [SpinClass.COLLISION, SpinClass.SINGULAR, SpinClass.JOINT_LIMIT]
-    return np.select(rows, kinds, SpinClass.UNREACHABLE).astype(np.int32)
 
 
 def replanned(plan: Plan, cell: Cell, tag: int) -> tuple[Plan, IndexArray]:

@@ -74,15 +74,10 @@ def timed(
     cannot be run (``runs``) no corner is blended: how far one may be takes long to find out.
     """
     problem = checker.problem
-    is_path = table.kind != MoveKind.PTP
-    is_path[:1] = False
-    rows = np.nonzero(is_path)[0]
-    lines = _lines(table, rows, _branches(problem, table))
+    rows, lines, track = _paced(checker, table)
     length = np.zeros(len(table))
     length[rows] = lines.length
     cap, orientation = np.full(len(table), np.inf), np.full(len(table), np.nan)
-    track = checker.track(lines, Verdict.clean(len(lines)))
-    track = _raced(problem, lines, track, table.speed[rows])
     cap[rows], orientation[rows] = _caps(problem, lines, track)
     speed = _capped(problem, table, rows, cap, findings)
     blend = wished_blends(problem, replace(table, speed=speed), length, stops_before)
@@ -90,6 +85,7 @@ def timed(
         blend = lowered_blends(checker, table, lines, rows, blend, tolerance)
     else:
         blend[:] = 0.0
+    is_path = np.isin(np.arange(len(table)), rows)
     fraction = np.where(is_path, np.nan, _axis_shares(problem, table))
     robot = problem.cell.robot
     torques = torques_of(robot, [problem.cell.tool])
@@ -118,19 +114,20 @@ def least_of_moves(problem: Problem, table: Moves) -> FloatArray:
 
 def followed_speeds(checker: Checker, table: Moves) -> FloatArray:
     """Return the path speeds (m,) [m/s] of moves, lowered to what the axes follow; NaN for PTP."""
+    rows, lines, track = _paced(checker, table)
+    cap, speed = np.full(len(table), np.inf), np.full(len(table), np.nan)
+    cap[rows] = _caps(checker.problem, lines, track)[0]
+    speed[rows] = _followed(table.speed, cap, least_of_moves(checker.problem, table))[rows]
+    return speed
+
+
+def _paced(checker: Checker, table: Moves) -> tuple[IndexArray, Lines, Track]:
+    """Return the rows of path moves, their lines, and their joint paths at the speeds asked."""
     is_path = table.kind != MoveKind.PTP
     is_path[:1] = False
     rows = np.nonzero(is_path)[0]
-    lines = _lines(table, rows, _branches(checker.problem, table))
-    cap = np.full(len(table), np.inf)
-    track = checker.track(lines, Verdict.clean(len(lines)))
-    cap[rows] = speed_caps(checker.problem, lines, track, table.speed[rows])[0]
-    least = least_of_moves(checker.problem, table)
-    return np.where(is_path, _followed(table.speed, cap, least), np.nan)
-
-
-def _lines(table: Moves, rows: IndexArray, branch: IndexArray) -> Lines:
-    return Lines(
+    branch = np.asarray(checker.problem.kinematics.slot(table.q), dtype=np.int64)
+    lines = Lines(
         T_from=table.T_base_tcp[rows - 1],
         T_to=table.T_base_tcp[rows],
         q_from=table.q[rows - 1],
@@ -140,22 +137,8 @@ def _lines(table: Moves, rows: IndexArray, branch: IndexArray) -> Lines:
         external=(table.external[rows - 1], table.external[rows]),
         arcs=table.arcs.rows(rows),
     )
-
-
-def _branches(problem: Problem, table: Moves) -> IndexArray:
-    return np.asarray(problem.kinematics.slot(table.q), dtype=np.int64)
-
-
-def speed_caps(
-    problem: Problem, lines: Lines, track: Track, asked: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the largest path speed (m,) [m/s] at which no axis exceeds its speed on the way.
-
-    Well above the speed ``asked`` (m,) [m/s] it is an estimate. A move that turns the tool on the
-    spot, or nearly so, has no useful path speed: there it is the speed of the orientation (m,)
-    [rad/s] that is lowered, NaN where the cell's will do.
-    """
-    return _caps(problem, lines, _raced(problem, lines, track, asked))
+    track = checker.track(lines, Verdict.clean(len(lines)))
+    return rows, lines, _raced(checker.problem, lines, track, table.speed[rows])
 
 
 def is_too_fast(problem: Problem, lines: Lines, track: Track, least: FloatArray) -> BoolArray:
@@ -166,7 +149,12 @@ def is_too_fast(problem: Problem, lines: Lines, track: Track, least: FloatArray)
 
 
 def _caps(problem: Problem, lines: Lines, track: Track) -> tuple[FloatArray, FloatArray]:
-    """Return as ``speed_caps`` what mean speeds between the samples of a track allow."""
+    """Return the largest path speed (m,) [m/s] at which no axis exceeds its speed on the way.
+
+    In the mean between samples of the track: well above the speed that these are made for it is an
+    estimate. A move that turns the tool on the spot, or nearly so, has no useful path speed: there
+    it is the speed of the orientation (m,) [rad/s] that is lowered, NaN where the cell's will do.
+    """
     cap, orientation = np.full(len(lines), np.inf), np.full(len(lines), np.nan)
     same = track.row[1:] == track.row[:-1]
     row = track.row[1:][same]
@@ -212,7 +200,7 @@ def can_be_told(problem: Problem, lines: Lines, track: Track) -> BoolArray:
     """
     cell = problem.cell
     rapid = np.full(len(lines), cell.motion.rapid_speed)
-    cap = speed_caps(problem, lines, track, rapid)[0]
+    cap = _caps(problem, lines, _raced(problem, lines, track, rapid))[0]
     return ~machining_speeds(_followed(rapid, cap, 0.0), cell)
 
 
