@@ -390,8 +390,9 @@ class Scene:
         links = [(n, body) for n, body in enumerate(self.bodies) if body.link == 0]
         if not links or all(axis.kind != "rail" for axis in self._cell.external_axes):
             return [], {}
-        floor = min(float(body.mesh.vertices[:, 2].min()) for _, body in links)
-        feet = [above_foot(body, floor) for _, body in links]
+        # what is generated reaches below the plane that the arm stands on, to have some to spare
+        floors = [0.0 if b.is_outline else float(b.vertices[:, 2].min()) for _, b in links]
+        feet = [above_foot(body, min(floors)) for _, body in links]
         beside = {
             (number, other): (first + place, other)
             for place, (number, _) in enumerate(links)
