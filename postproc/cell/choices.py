@@ -103,7 +103,7 @@ class HomeStyle(StrEnum):
 
 
 class RobotSolids(StrEnum):
-    """What stands for the links of a built-in arm: simple hulls, or what encloses the real ones."""
+    """What stands for the links of a built-in arm: outlines, or a convex hull of each of them."""
 
     SIMPLE = auto()
     OUTLINE = auto()

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from postproc.arrays import FloatArray, IntArray
-from postproc.cell import Cell, MeshPlacement, RobotSolids, Tool, UrdfGeometry
+from postproc.cell import Cell, MeshPlacement, Tool, UrdfGeometry
 from postproc.collision.arm import Arm
 from postproc.collision.links import default_links
 from postproc.collision.mesh import Mesh, decimated, joined, solid
@@ -170,12 +170,12 @@ def _links(cell: Cell, arm: Arm) -> tuple[list[Body], list[Finding]]:
         ], []
     meshes = default_links(cell.robot, arm)
     findings: list[Finding] = []
-    is_urdf = isinstance(cell.robot.geometry, UrdfGeometry)
-    is_outline = cell.robot.solids is RobotSolids.OUTLINE and not is_urdf
+    is_built_in = True
     if isinstance(cell.robot.geometry, UrdfGeometry):
+        is_built_in = False
         found, findings = urdf_links(cell.robot.geometry)
         meshes = tuple(joined(found[i]) if found[i] else mesh for i, mesh in enumerate(meshes))
-    bodies = [Body(f"link {i}", "link", i, mesh, is_outline) for i, mesh in enumerate(meshes)]
+    bodies = [Body(f"link {i}", "link", i, mesh, is_built_in) for i, mesh in enumerate(meshes)]
     return bodies, findings
 
 

@@ -294,6 +294,17 @@ def loft(sections: list[FloatArray], heights: list[float]) -> Mesh:
     return Mesh(vertices, np.vstack(faces).astype(np.int32))
 
 
+def convex_hull(points: FloatArray) -> Mesh:
+    """Return the smallest convex solid around points (n, 3) [m]."""
+    from scipy.spatial import ConvexHull
+
+    hull = ConvexHull(points)
+    corners = points[hull.simplices]
+    inwards = np.einsum("fi,fi->f", normals_of(corners), hull.equations[:, :3]) < 0.0
+    corners[inwards] = corners[inwards, ::-1]
+    return welded(corners)
+
+
 def joined(meshes: list[Mesh]) -> Mesh:
     """Return several meshes as one body."""
     starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes[:-1]])

@@ -1,6 +1,6 @@
 """Outlines of arms by size class: what the links of an arm look like, measured on real ones.
 
-``outlines.json`` holds each link of an arm that stands straight up as a stack of prisms with eight
+``outlines.json`` holds each link of an arm that stands straight up as a stack of frusta with eight
 sides, which enclose the bodies of all arms that were measured. They follow the lengths of the arm:
 their ends are shares of the link's length and distances beyond it.
 """
@@ -16,7 +16,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.cell import LENGTHS, OpwGeometry, Robot, load_robot
-from postproc.collision.mesh import Mesh, loft
+from postproc.collision.mesh import Mesh, loft, welded
 from postproc.records import dataclass
 from postproc.units import MM
 
@@ -24,6 +24,7 @@ _FILE = Path(__file__).resolve().parent / "outlines.json"
 _ANGLES = np.arange(8) * (np.pi / 4.0)
 DIRECTIONS = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1)
 _THINNEST = 1e-4
+_PARALLEL = 1e-9
 _SAME_LENGTH = 1e-4
 _SMALL_REACH, _MEDIUM_REACH, _LONG_REACH = 1.25, 2.0, 2.4
 _LIGHT, _HEAVY, _VERY_HEAVY = 20.0, 80.0, 300.0
@@ -38,7 +39,7 @@ _MOST_PAYLOAD = {
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """A prism: both ends as (share of the length, distance beyond it [m]), reach (8,) [m]."""
+    """A frustum: ends as (share of the length, distance beyond it [m]), reach (2, 8) [m] there."""
 
     low: tuple[float, float]
     high: tuple[float, float]
@@ -75,9 +76,9 @@ def upright_solids(
     more = {1: forwards, 3: aside}
     return [
         [
-            prism
+            frustum
             for segment in segments
-            if (prism := _prism(segment, place, scale, more.get(link, 0.0), g.b)) is not None
+            if (frustum := _frustum(segment, place, scale, more.get(link, 0.0), g.b)) is not None
         ]
         for link, (segments, place) in enumerate(zip(outline.links, places(g), strict=True))
     ]
@@ -106,7 +107,7 @@ def places(g: OpwGeometry) -> list[tuple[float, float, float]]:
     ]
 
 
-def _prism(
+def _frustum(
     segment: Segment,
     place: tuple[float, float, float],
     scale: float,
@@ -116,33 +117,34 @@ def _prism(
     z, length, x = place
     (share, beyond), (share_high, beyond_high) = segment.low, segment.high
     low, high = z + share * length + scale * beyond, z + share_high * length + scale * beyond_high
-    section = _octagon(scale * segment.reach + more)
-    if high - low < _THINNEST or len(section) < len("xyz"):
+    sections = [octagon(scale * reach + more) + np.array([x, y]) for reach in segment.reach]
+    if high - low < _THINNEST or min(np.ptp(section) for section in sections) < _THINNEST:
         return None
-    return loft([section + np.array([x, y])] * 2, [low, high])
+    return welded(loft(sections, [low, high]).corners)
 
 
-def _octagon(reach: FloatArray) -> FloatArray:
-    """Return the corners (n, 2) of what lies within the reach in eight directions."""
-    east, north, west, south = reach[0::2]
-    section = np.array([[east, -south], [east, north], [-west, north], [-west, -south]])
-    for direction, distance in zip(DIRECTIONS[1::2], reach[1::2], strict=True):
-        section = _cut(section, direction, float(distance))
-    return section
+def octagon(reach: FloatArray) -> FloatArray:
+    """Return the corners (8, 2) of what lies within the reach (8,) in eight directions.
 
-
-def _cut(section: FloatArray, direction: FloatArray, distance: float) -> FloatArray:
-    """Return a convex polygon without what lies farther than ``distance`` along a direction."""
-    over = section @ direction - distance
-    corners = []
-    for k in range(len(section)):
-        here, there = over[k], over[(k + 1) % len(section)]
-        if here <= 0.0:
-            corners.append(section[k])
-        if here * there < 0.0:
-            step = section[(k + 1) % len(section)] - section[k]
-            corners.append(section[k] + step * here / (here - there))
-    return np.array(corners).reshape(-1, 2)
+    Each corner is that of two neighbouring sides; sides that the others cut off have no length.
+    """
+    across = np.stack([-DIRECTIONS[:, 1], DIRECTIONS[:, 0]], axis=1)
+    steps, gaps = DIRECTIONS @ across.T, reach[:, None] - DIRECTIONS @ DIRECTIONS.T * reach
+    with np.errstate(divide="ignore", invalid="ignore"):
+        along = gaps / steps  # how far along side i (columns) it meets side j
+    start = np.where(steps < -_PARALLEL, along, -np.inf).max(axis=0)
+    end = np.where(steps > _PARALLEL, along, np.inf).min(axis=0)
+    sides = np.flatnonzero(start <= end)
+    ends = np.concatenate([start, end])[np.concatenate([sides, sides + len(start)])]
+    sides = np.tile(sides, 2)
+    corners = reach[sides, None] * DIRECTIONS[sides] + ends[:, None] * across[sides]
+    tight = (corners @ DIRECTIONS.T).max(axis=0, initial=-np.inf)
+    far = (np.roll(tight, -1) - tight * np.sqrt(0.5)) / np.sqrt(0.5)
+    corners = tight[:, None] * DIRECTIONS + far[:, None] * across
+    for side in (*range(8), *range(8)):  # one without length has one corner, to the last digit
+        if np.abs(corners[side] - corners[side - 1]).max() < _PARALLEL:
+            corners[side] = corners[side - 1]
+    return np.asarray(corners)
 
 
 def _class_of(robot: Robot, g: OpwGeometry, known: Mapping[str, Outline]) -> str:
@@ -197,6 +199,6 @@ def read_outlines(text: str) -> dict[str, Outline]:
 
 
 def _segment(row: list[list[float]]) -> Segment:
-    (share, beyond), (share_high, beyond_high), reach = row
+    (share, beyond), (share_high, beyond_high), *reach = row
     ends = (share, beyond * MM), (share_high, beyond_high * MM)
     return Segment(*ends, np.array(reach, dtype=np.float64) * MM)

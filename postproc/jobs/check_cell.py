@@ -14,7 +14,6 @@ from postproc.cell import (
     Cell,
     OpwGeometry,
     Provenance,
-    RobotSolids,
     Tool,
     Workpiece,
     cell_toml,
@@ -359,8 +358,7 @@ def _options(context: _Context) -> Iterator[Finding]:
 
 def _outline(context: _Context) -> Iterator[Finding]:
     robot = context.cell.robot
-    is_outline = robot.solids is RobotSolids.OUTLINE and isinstance(robot.geometry, OpwGeometry)
-    if not is_outline or robot.link_meshes:
+    if not isinstance(robot.geometry, OpwGeometry) or robot.link_meshes:
         return
     sizes = " and ".join(
         f"links {a} and {b} at {share:.0%}" for (a, b), share in OUTLINE_SHARES.items()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
-from postproc.cell.cell import Cell, MeshPlacement, RobotSolids, Tool, Workpiece
+from postproc.cell.cell import Cell, MeshPlacement, Tool, Workpiece
 from postproc.cell.robotfile import load_robot
 from postproc.cell.schema import KrlOptions, Limits, Motion, Optimize, Process, Read
 from postproc.collision.mesh import Mesh, box, cylinder, joined, loft, ring
@@ -68,8 +68,7 @@ def cell_of(
     robot="kuka_kr500_r2830",
     T_world_robroot=HERE,
 ) -> Cell:
-    # around the simple hulls these scenes were built; outlines have tests of their own
-    arm = replace(load_robot(robot), T_world_robroot=T_world_robroot, solids=RobotSolids.SIMPLE)
+    arm = replace(load_robot(robot), T_world_robroot=T_world_robroot)
     return Cell(
         name="test",
         path="cell.toml",

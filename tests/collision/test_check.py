@@ -65,7 +65,7 @@ def test_random_poses_agree_with_coal_to_the_pair(busy_cell, arm_of, random_q):
 
 
 def test_margin_agrees_with_distances_of_coal(busy_cell, arm_of, random_q):
-    margin = 0.1
+    margin = 0.03
     cell = cell_of(
         busy_cell.tool.meshes,
         busy_cell.workpiece.meshes,

@@ -14,7 +14,7 @@ TIP = np.array([1.815, 0.0, 2.29]) + np.array([0.4, 0.0, -0.1])
 def drilling_cell(depth, contact_depth=np.inf, clearance=0.0):
     """A drill below the flange at z = 0.4, pointing down; a slab whose top it enters by a depth."""
     drill = box_at("drill", [0.2, 0.01, 0.01], at(0.0, 0.0, 0.4), cutting=True)
-    holder = box_at("holder", [0.08, 0.08, 0.42], at(-0.14, 0.0, 0.21))
+    holder = box_at("holder", [0.08, 0.08, 0.3], at(-0.14, 0.0, 0.27))
     top = 2.29 - 0.1 + depth
     slab = box_at("slab", [0.1, 0.5, 0.2], at(TIP[0], 0.0, top - 0.1))
     return cell_of([drill, holder], [slab], clearance=clearance, contact_depth=contact_depth)

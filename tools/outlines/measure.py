@@ -1,4 +1,4 @@
-"""Outlines from real bodies: each link cut into prisms that enclose it with the least volume."""
+"""Outlines from real bodies: each link cut into frusta that enclose it with the least volume."""
 
 from __future__ import annotations
 
@@ -18,8 +18,11 @@ from tools.outlines.meshes import Triangles, surface_points
 
 SPARE = 0.006
 """Distance [m] that is added all round."""
-PRISMS = (6, 7, 7, 9, 6, 5, 2)
+FRUSTA = (4, 5, 5, 7, 4, 4, 2)
 _STEP, _SLICES = 0.025, 48
+_SLOPES = np.linspace(-1.0, 1.0, 17)
+"""Of the sides of a frustum, in the range of the slices over its height."""
+_ROUNDS = 20
 _BETWEEN = 10.0
 """Length of a link in the coordinate that is in metres below and beyond it."""
 SIZES: Mapping[str, Sequence[str]] = {
@@ -43,9 +46,9 @@ SIZES: Mapping[str, Sequence[str]] = {
 }  # fmt: skip
 """Measured arms by size. Arms of other packages stand for themselves and judge the sizes."""
 _HEAD = [
-    "Outlines of arms standing straight up: each link is a stack of prisms, [from, to, reach].",
-    "From and to are [share of the link's length, mm beyond it], reach is that of the octagon",
-    "[mm] to 0, 45, .. 315 deg of x forwards, y left, from the link's axis. Measured by",
+    "Outlines of arms standing straight up: each link is a stack of frusta, [from, to, reach, reach].",
+    "From and to are [share of the link's length, mm beyond it], reach is that of the octagons",
+    "there [mm] to 0, 45, .. 315 deg of x forwards, y left, from the link's axis. Measured by",
     "tools/outlines on collision meshes of KUKA's ROS 2 packages (Apache-2.0,",
     "kuka_robot_descriptions, July 2026) and, after those of the sizes, of ROS-Industrial's",
     "kuka_experimental (Apache-2.0), 6 mm to spare. arms: the one that looks like this; a class",
@@ -70,7 +73,7 @@ def outlines_text(points: Mapping[str, list[FloatArray]], with_arms: bool = True
     for arm in sorted(set(points) - sized) if with_arms else ():
         tables.append(_table(arm.removeprefix("kuka_"), [arm], [arm], points))
     about = ",\n".join(json.dumps(line) for line in _HEAD)
-    head = f'{{"schema": "postproc.outlines/2",\n"about": [\n{about}],\n"outlines": {{\n'
+    head = f'{{"schema": "postproc.outlines/3",\n"about": [\n{about}],\n"outlines": {{\n'
     return head + ",\n".join(tables) + "}}\n"
 
 
@@ -92,7 +95,7 @@ def _table(
     a1 = max(g.a1 for g in geometries.values())  # type: ignore[union-attr]
     a2 = float(np.mean([g.a2 for g in geometries.values()]))  # type: ignore[union-attr]
     links = []
-    for link, count in enumerate(PRISMS):
+    for link, count in enumerate(FRUSTA):
         sizes, clouds = [], []
         for arm in members:
             z, length, x = outlines.places(geometries[arm])[link]  # type: ignore[arg-type]
@@ -101,7 +104,7 @@ def _table(
             clouds.append(
                 np.stack([_share(cloud[:, 2] - z, length), cloud[:, 0] - x, cloud[:, 1]], 1)
             )
-        rows = _prisms(np.concatenate(clouds), float(np.mean(sizes)), count, link)
+        rows = _frusta(np.concatenate(clouds), float(np.mean(sizes)), count, link)
         links.append("[" + ",\n".join(rows) + "]")
     lengths = f'"a1_mm": {a1 * 1e3:.1f}, "a2_mm": {a2 * 1e3:.1f}'
     every = ",\n".join(links)
@@ -114,9 +117,9 @@ def _share(z: FloatArray, length: float) -> FloatArray:
     return np.where(z < 0.0, z, np.where(z <= length, along, _BETWEEN + z - length))
 
 
-def _prisms(cloud: FloatArray, length: float, count: int, link: int) -> list[str]:
-    """Return the rows of the prisms that enclose a cloud (n, 3) of share, x, y."""
-    is_last = link == len(PRISMS) - 1
+def _frusta(cloud: FloatArray, length: float, count: int, link: int) -> list[str]:
+    """Return the rows of the frusta that enclose a cloud (n, 3) of share, x, y."""
+    is_last = link == len(FRUSTA) - 1
     height = _height(cloud[:, 0], length)
     top = min(height.max(), length) if is_last else height.max()
     borders = np.linspace(height.min(), top, _SLICES + 1)
@@ -125,17 +128,55 @@ def _prisms(cloud: FloatArray, length: float, count: int, link: int) -> list[str
     for k, (low, high) in enumerate(pairwise(borders)):
         inside = (height >= low - 0.5 * _STEP) & (height <= high + 0.5 * _STEP)
         if inside.any():
-            reach[k] = projected[inside].max(axis=0)
+            reach[k] = projected[inside].max(axis=0) + SPARE
     rows = []
     cuts = _best_cuts(reach, borders, count)
     for a, b in pairwise(cuts):
-        widest = reach[a:b].max(axis=0) + SPARE
-        if np.isfinite(widest).all():
+        ends = _closest(reach[a:b])
+        if np.isfinite(ends).all():
+            ends = _enclosing(reach[a:b], ends)
             low = _end(borders[a] - (SPARE if a == 0 else 0.0), length)
             high = _end(borders[b] + (SPARE if b == _SLICES and not is_last else 0.0), length)
             high = [1.0, 0.0] if is_last and b == _SLICES else high
-            rows.append(json.dumps([low, high, [int(np.ceil(1e3 * value)) for value in widest]]))
+            mm = np.ceil(1e3 * ends).astype(int).tolist()
+            rows.append(json.dumps([low, high, *mm], separators=(",", ":")))
     return rows
+
+
+def _closest(reach: FloatArray) -> FloatArray:
+    """Return the reach (2, 8) at both ends of slices (n, 8) that lies closest around them.
+
+    In each direction it is the line over all slices that is lowest in the middle, of ``_SLOPES``.
+    """
+    level, place = np.repeat(reach, 2, axis=0), _places(len(reach))
+    widest = level.max(axis=0)
+    if not np.isfinite(widest).all():
+        return np.full((2, 8), -np.inf)
+    narrowest = np.where(np.isfinite(level), level, np.inf).min(axis=0)
+    slope = _SLOPES[:, None] * (widest - narrowest)
+    start = (level - slope[:, None] * place[:, None]).max(axis=1)
+    best = (start + 0.5 * slope).argmin(axis=0), np.arange(8)
+    return np.stack([start[best], (start + slope)[best]])
+
+
+def _places(count: int) -> FloatArray:
+    """Return where ``count`` slices begin and end (2 count,), 0 to 1."""
+    return np.repeat(np.arange(count + 1) / count, 2)[1:-1]
+
+
+def _enclosing(reach: FloatArray, ends: FloatArray) -> FloatArray:
+    """Return the ends widened until all slices lie within the frustum.
+
+    A side that the others cut off at one end counts there for less than its reach.
+    """
+    level, place = np.repeat(reach, 2, axis=0), _places(len(reach))[:, None]
+    for _ in range(_ROUNDS):
+        low, high = ((outlines.octagon(end) @ outlines.DIRECTIONS.T).max(axis=0) for end in ends)
+        short = (level - (1.0 - place) * low - place * high).max(axis=0)
+        if short.max() <= 1e-6:
+            break
+        ends = ends + np.maximum(short, 0.0)
+    return ends
 
 
 def _height(share: FloatArray, length: float) -> FloatArray:
@@ -150,12 +191,14 @@ def _end(z: float, length: float) -> list[float]:
 
 
 def _best_cuts(reach: FloatArray, borders: FloatArray, count: int) -> list[int]:
-    """Return the borders between which ``count`` prisms have the least volume in all."""
+    """Return the borders between which ``count`` frusta have the least volume in all."""
     n = len(reach)
     cost = np.full((n, n + 1), np.inf)
     for a in range(n):
-        widest = np.maximum.accumulate(reach[a:], axis=0)
-        cost[a, a + 1 :] = _area(widest) * (borders[a + 1 :] - borders[a])
+        for b in range(a + 1, n + 1):
+            low, high = _closest(reach[a:b])
+            areas = _area(np.stack([low, 0.5 * (low + high), high]))
+            cost[a, b] = areas @ [1.0, 4.0, 1.0] / 6.0 * (borders[b] - borders[a])
     best, before = np.full((count + 1, n + 1), np.inf), np.zeros((count + 1, n + 1), int)
     best[0, 0] = 0.0
     for used in range(1, count + 1):

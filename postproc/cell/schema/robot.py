@@ -85,8 +85,8 @@ class RobotTable(Table):
     payload_kg: Positive | None = entry(None, "rated payload [kg]; default: of the robot")
     solids: Annotated[RobotSolids, CHOICE] = entry(
         RobotSolids.OUTLINE,
-        "solids of a built-in arm: outline encloses the real one, simple hulls do "
-        "not, by up to 0.7 m, nor does one of the two enclose the other",
+        "solids of a built-in arm: outline encloses the real one, simple is one convex "
+        "hull of each link's outline, thicker and faster",
     )
     link_meshes: list[LinkSolid] = entry(
         [], "your own solids of the links instead of the built-in hulls"
