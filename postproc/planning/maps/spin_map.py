@@ -194,7 +194,8 @@ def _without_state(checker: Checker, tags: IndexArray) -> IntArray:
     middle = 0.5 * (np.asarray(problem.kinematics.q_min) + np.asarray(problem.kinematics.q_max))
     found = postures(problem, which, problem.placement.tcp(which, spin), middle)
     # a posture that nothing rules out counts for nothing here: it is checked as a state
-    return ruled_out(found, SpinClass.UNREACHABLE).min(axis=1).reshape(len(tags), len(spins))
+    least: IntArray = ruled_out(found, SpinClass.UNREACHABLE).min(axis=1)
+    return least.reshape(len(tags), len(spins))
 
 
 def ruled_out(found: Postures, good: SpinClass) -> IntArray:
