@@ -46,10 +46,10 @@ SIZES: Mapping[str, Sequence[str]] = {
 }  # fmt: skip
 """Measured arms by size. Arms of other packages stand for themselves and judge the sizes."""
 _HEAD = [
-    "Outlines of arms standing straight up: each link is a stack of frusta, [from, to, reach, reach].",
-    "From and to are [share of the link's length, mm beyond it], reach is that of the octagons",
-    "there [mm] to 0, 45, .. 315 deg of x forwards, y left, from the link's axis. Measured by",
-    "tools/outlines on collision meshes of KUKA's ROS 2 packages (Apache-2.0,",
+    "Outlines of arms standing straight up: each link is a stack of frusta, [from, to, reach,",
+    "reach]. From and to are [share of the link's length, mm beyond it], reach is that of the",
+    "octagons there [mm] to 0, 45, .. 315 deg of x forwards, y left, from the link's axis.",
+    "Measured by tools/outlines on collision meshes of KUKA's ROS 2 packages (Apache-2.0,",
     "kuka_robot_descriptions, July 2026) and, after those of the sizes, of ROS-Industrial's",
     "kuka_experimental (Apache-2.0), 6 mm to spare. arms: the one that looks like this; a class",
     "without arms is over all of its size and stands for arms that were not measured. a1_mm,",
