@@ -368,7 +368,7 @@ def _outline(context: _Context) -> Iterator[Finding]:
     if not is_measured(robot):
         text = (
             f"no mesh of {robot.name}: its outline is that of arms of its size, out of which real "
-            "arms protrude by up to 0.2 m; give link_meshes of the arm"
+            "arms protrude by up to 0.4 m; give link_meshes of the arm"
         )
         yield context.finding(Severity.NOTE, "CEL144", text, "robot")
 
