@@ -8,7 +8,7 @@ import pytest
 
 from postproc.cli.app import run
 from postproc.errors import PluginError, ReadError
-from postproc.readers import READERS, read
+from postproc.readers import READERS, ReadOptions, read
 from postproc.registry import PluginInfo
 
 ENDLESS = 20.0
@@ -283,4 +283,4 @@ def test_a_foreign_reader_that_fails_stops_nobody_elses_file(tmp_path, monkeypat
     assert [finding.code for finding in toolpath.warnings][:1] == ["PLG007"]
     assert "reader 'failing' of their-package 1.0 failed: KeyError" in toolpath.warnings[0].message
     with pytest.raises(PluginError, match=r"PLG006: reader .failing. of their-package 1\.0 failed"):
-        read(path, "failing")
+        read(path, ReadOptions(format="failing"))
