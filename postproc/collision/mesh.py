@@ -305,6 +305,26 @@ def convex_hull(points: FloatArray) -> Mesh:
     return welded(corners)
 
 
+class ByContent:
+    """A mesh as a cache key."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        self.mesh = mesh
+        self._hash = hash((mesh.vertices.tobytes(), mesh.faces.tobytes()))
+
+    def __hash__(self) -> int:
+        """Return what was worked out once."""
+        return self._hash
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether the other is the same mesh to the bit."""
+        return (
+            isinstance(other, ByContent)
+            and np.array_equal(self.mesh.vertices, other.mesh.vertices)
+            and np.array_equal(self.mesh.faces, other.mesh.faces)
+        )
+
+
 def joined(meshes: list[Mesh]) -> Mesh:
     """Return several meshes as one body."""
     starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes[:-1]])

@@ -66,7 +66,6 @@ class Scene:
         self._engine_: Engine | None = None
         self._thin: dict[Pair, float] = {}
         self._pair_bodies: tuple[tuple[Body, Body], ...] = ()
-        self._surface_: Surface | None = None
 
     @classmethod
     def build(cls, cell: Cell, kinematics: Arm) -> Scene:
@@ -108,7 +107,7 @@ class Scene:
 
     def __getstate__(self) -> dict[str, Any]:
         """Pickle without what can be made again: exact tests belong to one process."""
-        return {**self.__dict__, "_engine_": None, "_surface_": None}
+        return {**self.__dict__, "_engine_": None}
 
     @property
     def pairs(self) -> tuple[tuple[str, str], ...]:
@@ -403,13 +402,11 @@ class Scene:
 
     @property
     def _surface(self) -> Surface:
-        if self._surface_ is None:
-            meshes = [body.mesh for body in self.bodies if body.kind == "workpiece"]
-            if not meshes:
-                raise CellError("COL007", "the workpiece has no solid to take normals from")
-            T_world_base = self._cell.robot.T_world_robroot @ self._cell.T_robroot_base
-            self._surface_ = Surface(joined(meshes).moved(inverse(T_world_base)))
-        return self._surface_
+        meshes = [body.mesh for body in self.bodies if body.kind == "workpiece"]
+        if not meshes:
+            raise CellError("COL007", "the workpiece has no solid to take normals from")
+        T_world_base = self._cell.robot.T_world_robroot @ self._cell.T_robroot_base
+        return Surface.of(joined(meshes).moved(inverse(T_world_base)))
 
 
 def _contact(contact: ArrayLike | None, count: int) -> BoolArray | None:

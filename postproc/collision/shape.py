@@ -9,7 +9,7 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.collision.boxes import fit_box
 from postproc.collision.inside import Parts, parts_of, probes_of
-from postproc.collision.mesh import Mesh
+from postproc.collision.mesh import ByContent, Mesh
 from postproc.collision.pieces import Pieces
 from postproc.records import dataclass
 
@@ -34,29 +34,11 @@ class Shape:
     @staticmethod
     def of(mesh: Mesh) -> Shape:
         """Return the shape of a mesh, made once: when a part is moved, most solids stay."""
-        return _shape(_ByContent(mesh))
-
-
-class _ByContent:
-    """A mesh as a cache key."""
-
-    def __init__(self, mesh: Mesh) -> None:
-        self.mesh = mesh
-        self._hash = hash((mesh.vertices.tobytes(), mesh.faces.tobytes()))
-
-    def __hash__(self) -> int:
-        return self._hash
-
-    def __eq__(self, other: object) -> bool:
-        return (
-            isinstance(other, _ByContent)
-            and np.array_equal(self.mesh.vertices, other.mesh.vertices)
-            and np.array_equal(self.mesh.faces, other.mesh.faces)
-        )
+        return _shape(ByContent(mesh))
 
 
 @lru_cache(maxsize=64)
-def _shape(key: _ByContent) -> Shape:
+def _shape(key: ByContent) -> Shape:
     mesh = key.mesh
     parts = parts_of(mesh)
     centre, axes, half = fit_box(mesh.vertices, mesh.corners)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, numbered
+from postproc.arrays import FloatArray, IndexArray, numbered
 from postproc.collision.inside import parts_of
-from postproc.collision.mesh import Mesh, joined, normals_of
+from postproc.collision.mesh import ByContent, Mesh, joined, normals_of
 from postproc.records import dataclass
 from postproc.units import DEG
 
@@ -41,7 +42,7 @@ def nearest_outside(points: FloatArray, meshes: Sequence[Mesh], enough: float) -
     off = np.linalg.norm(beyond, axis=2).min(axis=0)
     near, least = points[off <= enough], float(off.min())
     if len(near):  # by their boxes; now by themselves
-        surface, least = Surface(joined(list(meshes))), np.inf
+        surface, least = Surface.of(joined(list(meshes))), np.inf
         for first in range(0, len(near), _BATCH):
             found = surface.nearest(near[first : first + _BATCH])
             is_out = np.sum((near[first : first + _BATCH] - found.point) * found.normal, 1) > 0.0
@@ -66,10 +67,19 @@ class Surface:
         size = np.linalg.norm(normal, axis=1)
         flat = size > 0.0
         faces, corners, normal = faces[flat], corners[flat], normal[flat] / size[flat, None]
-        order = _grouped(corners.mean(axis=1))
-        self._corners = corners[order]
-        self._normals = _corner_normals(corners, faces, normal, len(mesh.vertices))[order]
+        self._vertices, self._faces, self._normals = mesh.vertices, faces, normal
+        # corners of faces by their vertex
+        self._corner = np.argsort(faces, axis=None, kind="stable")
+        self._around = np.bincount(faces.ravel(), minlength=len(mesh.vertices))
+        self._first = np.cumsum(self._around) - self._around
+        self._order = _grouped(corners.mean(axis=1))
+        self._corners = corners[self._order]
         self._levels = _boxes(self._corners)
+
+    @staticmethod
+    def of(mesh: Mesh) -> Surface:
+        """Return the surface of a mesh, made once."""
+        return _surface(ByContent(mesh))
 
     def nearest(self, points: FloatArray) -> SurfacePoints:
         """Return the nearest places for points (n, 3) [m] in the mesh's frame."""
@@ -88,10 +98,33 @@ class Surface:
         every = np.arange(len(points))
         self._descend(points, every, np.zeros_like(every), len(self._levels) - 1, best)
         weight = best.weight[..., None]
-        normal = (self._normals[best.face] * weight).sum(axis=1)
+        normal = (self._corner_normals(self._order[best.face]) * weight).sum(axis=1)
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         place = (self._corners[best.face] * weight).sum(axis=1)
         return SurfacePoints(place, normal, np.sqrt(best.square))
+
+    def _corner_normals(self, face: IndexArray) -> FloatArray:
+        """Return a unit normal (n, 3, 3) at each corner of faces (n,).
+
+        The mean, weighted by the angle at the corner, of the faces around the vertex that differ
+        from this face by less than ``SMOOTH``.
+        """
+        vertex = self._faces[face].ravel()
+        mine, step = numbered(self._around[vertex])
+        other, place = np.divmod(self._corner[self._first[vertex[mine]] + step], 3)
+        normal = self._normals[other]
+        alike = np.einsum("ki,ki->k", self._normals[face[mine // 3]], normal) > np.cos(SMOOTH)
+        mine, other, place, normal = mine[alike], other[alike], place[alike], normal[alike]
+        at, ahead, back = (self._vertices[self._faces[other, (place + k) % 3]] for k in range(3))
+        ahead, back = ahead - at, back - at
+        cosine = np.einsum("ki,ki->k", ahead, back) / (
+            np.linalg.norm(ahead, axis=1) * np.linalg.norm(back, axis=1)
+        )
+        weighted = normal * np.arccos(np.clip(cosine, -1.0, 1.0))[:, None]
+        columns = [np.bincount(mine, weighted[:, k], len(vertex)) for k in range(3)]
+        total: FloatArray = np.stack(columns, axis=1).astype(np.float64)
+        total /= np.linalg.norm(total, axis=1, keepdims=True)
+        return total.reshape(-1, 3, 3)
 
     def _descend(
         self, points: FloatArray, row: np.ndarray, node: np.ndarray, level: int, best: _Best
@@ -120,6 +153,11 @@ class Surface:
         which = square.argmin(axis=1)
         every = np.arange(len(row))
         best.offer(row, square[every, which], face[every, which], weight[every, which])
+
+
+@lru_cache(maxsize=4)
+def _surface(key: ByContent) -> Surface:
+    return Surface(key.mesh)
 
 
 class _Best:
@@ -187,36 +225,6 @@ def _outward(mesh: Mesh) -> np.ndarray:
     volume = np.einsum("fi,fi->f", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
     is_inward = (np.bincount(parts.label, volume) < 0.0) & parts.oriented
     return np.where(is_inward[parts.label][:, None], mesh.faces[:, ::-1], mesh.faces)
-
-
-def _corner_normals(
-    corners: FloatArray, faces: np.ndarray, normal: FloatArray, vertices: int
-) -> FloatArray:
-    """Return a unit normal (f, 3, 3) at each corner of each face.
-
-    The mean, weighted by the angle at the corner, of the faces around the vertex that differ from
-    this face by less than ``SMOOTH``.
-    """
-    ahead = np.roll(corners, -1, axis=1) - corners
-    back = np.roll(corners, 1, axis=1) - corners
-    cosine = np.einsum("fci,fci->fc", ahead, back) / (
-        np.linalg.norm(ahead, axis=2) * np.linalg.norm(back, axis=2)
-    )
-    angle = np.arccos(np.clip(cosine, -1.0, 1.0))
-    vertex = faces.ravel()
-    corner = np.argsort(vertex, kind="stable")
-    around = np.bincount(vertex, minlength=vertices)
-    start = np.cumsum(around) - around
-    # every corner with every corner at the same vertex
-    mine, step = numbered(around[vertex])
-    other = corner[start[vertex[mine]] + step]
-    alike: BoolArray = np.einsum("ki,ki->k", normal[mine // 3], normal[other // 3]) > np.cos(SMOOTH)
-    mine, other = mine[alike], other[alike]
-    weighted = normal[other // 3] * angle.ravel()[other, None]
-    columns = [np.bincount(mine, weighted[:, k], faces.size) for k in range(3)]
-    total = np.stack(columns, axis=1).astype(np.float64)
-    total /= np.linalg.norm(total, axis=1, keepdims=True)
-    return total.reshape(-1, 3, 3)
 
 
 def _boxes(corners: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
