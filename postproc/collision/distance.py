@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -187,8 +188,7 @@ class _Search:
         import coal
 
         self._piece, self._is_convex = piece, is_convex
-        self._hulls: dict[int, Any] = {}
-        self._surfaces: dict[int, Any] = {}
+        self._hull, self._exact = cache(self._hull_of), cache(self._as_it_is)
         self._here = coal.Transform3s()
         self._place, self._distance = coal.Transform3s, coal.distance
         self._request, self._result = coal.DistanceRequest(), coal.DistanceResult()
@@ -210,39 +210,32 @@ class _Search:
         """
         here, there = self._here, self._place(R, p)
         distance, request, result = self._distance, self._request, self._result
-        convex, least = self._is_convex, enough
+        convex, hull, exact, least = self._is_convex, self._hull, self._exact, enough
         for a, b, gap in pairs:
             if gap >= least or least <= stop:
                 break
             result.min_distance = least + SLACK
-            distance(self._hull(a), here, self._hull(b), there, request, result)
-            if convex[a] and convex[b]:
-                least = min(least, result.min_distance)
-                continue
-            bound = max(result.min_distance - SLACK, gap)
-            if bound <= low and bound < least:
-                result.min_distance = least
-                distance(self._exact(a), here, self._exact(b), there, request, result)
-                bound = result.min_distance
-            least = min(least, bound)
+            distance(hull(a), here, hull(b), there, request, result)
+            bound = result.min_distance
+            if not (convex[a] and convex[b]):
+                bound = max(bound - SLACK, gap)
+                if bound <= low and bound < least:
+                    result.min_distance = least
+                    distance(exact(a), here, exact(b), there, request, result)
+                    bound = result.min_distance
+            if bound < least:
+                least = bound
         if least >= enough:
             return np.inf
         return least if least > SLACK else 0.0
 
-    def _hull(self, piece: int) -> Any:  # noqa: ANN401 - coal has no types
+    def _hull_of(self, piece: int) -> Any:  # noqa: ANN401 - coal has no types
         """Return what contains a piece: it itself if it is convex."""
-        if piece not in self._hulls:
-            mesh, faces = self._piece(piece)
-            self._hulls[piece] = _hull(mesh.vertices[members(faces, len(mesh.vertices))])
-        return self._hulls[piece]
+        mesh, faces = self._piece(piece)
+        return _hull(mesh.vertices[members(faces, len(mesh.vertices))])
 
-    def _exact(self, piece: int) -> Any:  # noqa: ANN401
-        """Return a piece as it is."""
-        if self._is_convex[piece]:
-            return self._hull(piece)
-        if piece not in self._surfaces:
-            self._surfaces[piece] = _surface(*self._piece(piece))
-        return self._surfaces[piece]
+    def _as_it_is(self, piece: int) -> Any:  # noqa: ANN401
+        return self._hull(piece) if self._is_convex[piece] else _surface(*self._piece(piece))
 
 
 def _hull(points: FloatArray) -> Any:  # noqa: ANN401

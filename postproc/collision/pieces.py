@@ -11,9 +11,9 @@ from postproc.records import dataclass
 
 _MOST_FACES = 256
 """Triangles of a connected part that is tried as one convex piece."""
-_FEWEST = 16
-"""Patches are not split below this number of triangles ..."""
-_MOST_PATCHES = 1024
+_FEWEST = 64
+"""Patches are not split below this number of triangles: few hulls, but more triangles in one ..."""
+_MOST_PATCHES = 512
 """... nor into many more: an exact test looks at all triangles of some patches."""
 _FLAT = 1e-9
 """A vertex stands no farther out of a face of a convex solid than this [m]."""
