@@ -89,6 +89,8 @@ class InsideTest:
         kept = parts.closed[parts.label]
         self._is_oriented = parts.oriented[parts.label][kept]
         self._faces = mesh.faces[kept]
+        own = mesh.vertices[self._faces]
+        self._box = own.min(axis=(0, 1), initial=np.inf), own.max(axis=(0, 1), initial=-np.inf)
         self._turned = mesh.vertices @ _TURN
         corners = self._turned[self._faces]
         flat = corners[..., :2]
@@ -131,13 +133,12 @@ class InsideTest:
         inside = np.zeros(len(points), dtype=bool)
         if not self.has_inside or not len(points):
             return inside
-        turned = points @ _TURN
-        x, y, z = ((turned >= self._low) & (turned <= self._high)).T
+        x, y, z = ((points >= self._box[0]) & (points <= self._box[1])).T
         near = np.flatnonzero(x & y & z)
         most = max(1, _BATCH // int(np.diff(self._start).max()))
         for begin in range(0, len(near), most):
             rows = near[begin : begin + most]
-            inside[rows] = self._count(turned[rows])
+            inside[rows] = self._count(points[rows] @ _TURN)
         return inside
 
     def _count(self, points: FloatArray) -> BoolArray:
