@@ -120,12 +120,12 @@ def _is_convex(corners: FloatArray) -> bool:
 
 def _halved(places: FloatArray, most: int) -> list[IndexArray]:
     """Return groups of at most ``most`` places (n, 3) each, neighbours one behind the other."""
-    pending, done = [np.arange(len(places))], []
+    columns, pending, done = np.ascontiguousarray(places.T), [np.arange(len(places))], []
     while pending:
         group = pending.pop()
         if len(group) > most:
-            mine = taken(places, group)
-            along = mine[:, int(np.argmax(np.ptp(mine, axis=0)))]
+            mine = columns.take(group, axis=1)
+            along = mine[int(np.argmax(np.ptp(mine, axis=1)))]
             order, half = np.argsort(along, kind="stable"), len(group) // 2
             pending += [group[order[half:]], group[order[:half]]]
         elif len(group):

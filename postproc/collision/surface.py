@@ -240,15 +240,16 @@ def _boxes(corners: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
 
 def _grouped(middle: FloatArray) -> np.ndarray:
     """Return an order of places (f, 3) in which neighbours in space stand together."""
-    order = np.arange(len(middle))
-    pending, done = [order], []
+    places = np.ascontiguousarray(middle.T)
+    pending, done = [np.arange(len(middle))], []
     while pending:
         group = pending.pop()
         if len(group) <= _LEAF:
             done.append(group)
             continue
-        along = int(np.argmax(np.ptp(middle[group], axis=0)))
-        ranked = group[np.argsort(middle[group, along], kind="stable")]
+        mine = places.take(group, axis=1)
+        along = mine[int(np.argmax(mine.max(axis=1) - mine.min(axis=1)))]
+        ranked = group[np.argsort(along, kind="stable")]
         # halves of whole leaves, so that leaves do not straddle two places
         half = -(-(len(group) // 2) // _LEAF) * _LEAF
         pending += [ranked[half:], ranked[:half]]
