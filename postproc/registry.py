@@ -180,11 +180,7 @@ class Registry(Generic[T]):
 
 @cache
 def _installed() -> EntryPoints:
-    """Return the entry points of the packages that name a group of ours.
-
-    Finding them reads a file of each package; to tell which package hides which takes longer, and
-    mostly for nothing.
-    """
+    """Return the entry points of packages that name a group of ours."""
     every = [(package, _entries(package)) for package in distributions()]
     if not any(_NAMED in text for _, text in every):
         return EntryPoints(())

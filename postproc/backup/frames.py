@@ -96,10 +96,7 @@ def base_entries(config: Variables) -> tuple[BaseEntry, ...]:
 
 
 def _parent(config: Variables, number: int) -> tuple[str, str]:
-    """Return name and system of the kinematic that carries a base, empty for the world.
-
-    ``EX_AX_DATA`` of older controllers says nothing of BASE_DATA: they are bases of their own.
-    """
+    """Return name and system of the kinematic that carries a base, empty for the world."""
     held = config.get("MACHINE_FRAME_DAT", number)
     index = numbers_of(held, "MACH_DEF_INDEX")
     parent = str(held.get("PARENT", "")).strip() if isinstance(held, dict) else ""

@@ -133,11 +133,7 @@ class Manifest:
 
 
 def _is_final(entry: Mapping[str, Any]) -> bool:
-    """Return whether a result follows from input and options alone.
-
-    A worker that died, a limit, a name that another input had first and a file that could not be
-    written do not.
-    """
+    """Return whether a result follows from input and options alone; a limit or a crash does not."""
     if entry["status"] not in ("ok", "failed", "error"):
         return False
     return not any(_OF_THE_RUN.search(line) for line in entry["errors"])

@@ -261,10 +261,7 @@ def _kind(line: str) -> str:
 
 
 def _sweep(outcome: BatchOutcome, prune: bool) -> None:
-    """Remove what inputs of this batch made under keys that they no longer have (sections).
-
-    Outputs whose input is gone are listed, and removed only when asked.
-    """
+    """Remove what inputs of this batch made under keys that they no longer have (sections)."""
     manifest, given = outcome.manifest, _places(outcome.keys)
     for key, files in vanished(manifest, outcome.keys).items():
         is_ours = os.path.abspath(source_of(key)) in given  # noqa: PTH100 - links stay links

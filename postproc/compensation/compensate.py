@@ -218,11 +218,7 @@ def _rows(plan: Plan, cell: Cell, kinematics: Kinematics) -> _Rows:
 def _followed(
     plan: Plan, cell: Cell, arm: RealArm, rows: _Rows, known: Sides | None
 ) -> tuple[Sides, FloatArray]:
-    """Return the sides of the joints and how fast they are, as the program is run.
-
-    Speeds count where the tool works: on other ways nobody minds how late the arm is. The sides
-    are those of the first run: each later shift moves a joint on to the side it is known to be on.
-    """
+    """Return the sides of the joints and how fast they are, as the program is run."""
     paths, motion = run_of(plan, cell, arm.kinematics)
     row = np.concatenate([motion, motion[rows.arc]])
     share = np.repeat([1.0, 0.5], [len(motion), len(rows.arc)])
@@ -242,10 +238,7 @@ def _crossing(
     rows: _Rows,
     sides: Sides,
 ) -> Plan:
-    """Return the plan with a point more where a cut starts with gears on other sides.
-
-    The tool is to stand there while the gears cross their gaps.
-    """
+    """Return the plan with a point more, to stand at, where a cut starts on other gear sides."""
     turned = np.any(sides.leaving != sides.arriving, axis=1)[: len(plan)]
     begins = np.append((np.asarray(plan.role) == MoveRole.CUT)[1:], False)
     start = np.flatnonzero(turned & begins)
@@ -262,11 +255,7 @@ def _crossing(
 
 
 def _reach(arm: RealArm, rows: _Rows) -> FloatArray:
-    """Return the way (r,) [m] on which compensation goes from the middle of a gear to its side.
-
-    It is one for all joints: were all of them to turn back at once, the path would be as steep as
-    it may be.
-    """
+    """Return the way (r,) [m] from the middle of a gear to its side, one for all joints."""
     n = len(rows.q)
     still = np.zeros((n, 6))
     moments = Moments(rows.q, still, still, still, rows.tool)

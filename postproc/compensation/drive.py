@@ -170,10 +170,7 @@ def _displaced(
 
 
 def _timed(paths: Paths, cell: Cell) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return place, time [s], way [m] and joints (k, 6) at knots of a run.
-
-    The way of joint motions is the angle of their joints [rad].
-    """
+    """Return place, time [s], way [m; joint motions rad] and joints (k, 6) at knots of a run."""
     row, share, q, *_ = paths.in_order()
     q = forward_filled(q)
     trace, length = paths.trace, paths.curves.length

@@ -99,11 +99,7 @@ def _stretches(is_cut: BoolArray, border: BoolArray) -> list[tuple[int, int]]:
 
 
 def _turns(q: FloatArray, side: FloatArray) -> list[tuple[int, float]]:
-    """Return where a joint (k,) turns back, and the side that it is on from there.
-
-    A turn shows when the joint has really moved back; it begins at its farthest point. A joint
-    that has not moved before begins with the stretch.
-    """
+    """Return where a joint (k,) turns back, at its farthest point, and its side from there."""
     found, before = [], 0
     for shown in (np.flatnonzero(side[1:] != side[:-1]) + 1).tolist():
         begun = before + int(np.argmax(side[shown - 1] * q[before : shown + 1]))

@@ -397,11 +397,7 @@ class Interpreter:
         found: tuple[krl.KrlModule, krl.Routine] | None,
         nodes: tuple[krl.Node | None, ...],
     ) -> None:
-        """Note a call of the integrator's process, and run what lies of it in these files.
-
-        The call stands for how long the process waits in it; whatever else its lines do counts as
-        in any other routine.
-        """
+        """Note a call of the integrator's process, and run what lies of it in these files."""
         values = tuple(map(self._argument, nodes))
         first = values[0] if values else math.nan
         number = float(first) if isinstance(first, int | float) else math.nan

@@ -97,10 +97,7 @@ class _Tree:
 
 
 def _sound_list(path: Path) -> KrlModule | None:
-    """Return a list of global data, None for one that a controller could not load.
-
-    What it would have declared is not known then; the program may need nothing of it.
-    """
+    """Return a list of global data, None for one that a controller could not load."""
     try:
         module = parse_module(path)
         require_sound([module])

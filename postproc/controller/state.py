@@ -106,10 +106,7 @@ class MotionState:
         return self.base_frames.row(self._T_robroot_world @ T_world_base)
 
     def _set(self, done: str = "", **changes: Any) -> None:  # noqa: ANN401
-        """Change fields of the values, and system variables by their names; None takes one out.
-
-        ``done``: what the program has set by that.
-        """
+        """Change values that the program has ``done``, and system variables; None takes one out."""
         key = (id(self.values), done, *changes.items())
         source, after = self._known.get(key, (None, None))
         if source is not self.values:

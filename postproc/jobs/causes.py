@@ -212,10 +212,7 @@ class _Job:
             yield from self._tamed(thing)
 
     def _of_place(self, *, suspect: bool) -> Iterator[tuple[Cure, float]]:
-        """Yield other units, and where most tags fail tool axes and sides of the part.
-
-        ``suspect``: those that look wrong by themselves, or those that do not.
-        """
+        """Yield units, tool axes and sides of the part that look wrong by themselves, or do not."""
         if (self._most or self._are_elsewhere()) is suspect:
             yield from self._least(list(cures.units(self._cell, self._unit())))
         if not self._most:

@@ -149,10 +149,7 @@ def poses_of(program: Path, cell: Cell) -> OldPoses:
 def _require_arm(
     program: Path, cell: Cell, kinematics: Kinematics, q: FloatArray, T: FloatArray
 ) -> None:
-    """Require that joint motions lead as far as the poses behind them lie apart.
-
-    Few of them tell nothing: one may lead to a point before the pose, or above it.
-    """
+    """Require that joint motions lead as far as the poses behind them lie apart."""
     tcp = (kinematics.fk(q) @ np.asarray(cell.tools[0].T_flange_tcp))[:, :3, 3]
     led, apart = (np.linalg.norm(np.diff(points, axis=0), axis=1) for points in (tcp, T[:, :3, 3]))
     far = apart > 10.0 * MM
@@ -211,10 +208,7 @@ def _holding(toolpath: ToolPath, old: OldPoses, pose: IndexArray) -> ToolPath:
 def _feature(
     T: FloatArray, axis: FloatArray, tool: IndexArray, base: IndexArray, cam: IndexArray
 ) -> FloatArray:
-    """Return (m, 9) equal for poses with the same tip and axis of the same tool and base [m].
-
-    Of several at one place those of the nearest CAM lines are the nearest.
-    """
+    """Return (m, 9) equal for poses with the same tip and axis of the same tool and base [m]."""
     lean = _AXIS * np.einsum("mij,mj->mi", T[:, :3, :3], axis)
     return np.column_stack([T[:, :3, 3], lean, tool, base, _LINE * cam])
 

@@ -90,10 +90,7 @@ def measure_next(diagnosis: Diagnosis, cell: Cell) -> NextMeasurements:
 
 
 def _order(poses: Sequence[NextPose], diagnosis: Diagnosis) -> list[int]:
-    """Return the order of poses: one load after the other, the lightest first, on short tours.
-
-    Poses that tell the noise come first, in their turn.
-    """
+    """Return poses by load, the lightest first, on short tours; first those that tell the noise."""
     kinematics = diagnosis.problem.samples.arm.kinematics
     loads = np.array([np.zeros(6) if p.wrench is None else p.wrench for p in poses])
     again = [k for k, pose in enumerate(poses) if pose.revisit]

@@ -146,10 +146,7 @@ def require_free(output: Path, force: bool) -> None:
 
 
 def _urdf_files(options: dict[str, Any], output: Path) -> dict[Path, bytes]:
-    """Return the URDF to write beside the cell where it is made from macros.
-
-    The options name the file then, and a flange that was asked for on a terminal.
-    """
+    """Return the URDF to write beside the cell where it is made from macros."""
     if options["urdf"] is None:
         return {}
     source = find_urdf(Path(options["urdf"]))

@@ -288,11 +288,7 @@ class _Search:
         return self._apart(order, _PROVEN, self._step / 8.0)
 
     def _spread(self, most: int) -> list[_Point]:
-        """Return places where as much is reached as anywhere, each far from those with solids.
-
-        What is reached alike all over a region says nothing of the solids in it: they are asked
-        all over it too, not where things stand.
-        """
+        """Return places where as much is reached as anywhere, each far from those with solids."""
         best = max(self.reach.values())
         rest = [p for p, share in self.reach.items() if share >= best and p not in self.ranked]
         scale = np.where(self._step > 0.0, self._step, 1.0)

@@ -170,11 +170,7 @@ def plan_diagnosis(
 def _postures(
     model: RobotModel, cell: Cell, request: SampleRequest, checks: drive.Checks, job: JobRows
 ) -> tuple[FloatArray, FloatArray]:
-    """Return postures (k, 6) [rad], and the side (k, 6) each is reached from.
-
-    First the asked count far apart, then others to exchange them for: for a job half of these are
-    tried about its tags, with its tool axes.
-    """
+    """Return postures (k, 6) [rad], some to exchange last, and the side of each (k, 6)."""
     kinematics = model.arm.kinematics
     rng = np.random.default_rng(_SEED)
     limits, grid = cell.limits, request.grid
@@ -239,10 +235,7 @@ def _far_apart(q: FloatArray, count: int) -> IntArray:
 def _ways(
     q: FloatArray, side: FloatArray, kinematics: Kinematics, checks: drive.Checks
 ) -> tuple[FloatArray, IntArray, int]:
-    """Return the way (m, 6), its readings (m,), and how many postures have no free way.
-
-    The first postures are read again between the others, at even distances.
-    """
+    """Return the way (m, 6), repeats between, its readings (m,), and how many have no free way."""
     first = min(REVISITED, len(q))
     tour = travel_order(q[first:], np.arange(len(q) - first, dtype=np.int32), kinematics) + first
     order: list[int] = []

@@ -125,10 +125,7 @@ class SerialChain:
         return result
 
     def _turns(self, q: FloatArray, tcp: FloatArray) -> tuple[list[_Turn], FloatArray]:
-        """Return axis and origin of each joint of a block, and the TCP (3, n); robroot.
-
-        (3, n), or (3, 1) where no joint before moves them.
-        """
+        """Return axis and origin of each joint of a block, and the TCP; (3, n) or (3, 1)."""
         columns, origin = _identity()
         turns: list[_Turn] = []
         for step, cosine, sine in zip(self._steps[:6], *_trigonometry(q), strict=True):

@@ -199,10 +199,7 @@ def bound_of(kinematics: Kinematics, corners: Corners) -> Bound:
 
 
 def _off_straight(kinematics: Kinematics, pieces: Pieces) -> FloatArray:
-    """Return the least (t,) [rad] that A5 is off the straight and the folded wrist in hulls.
-
-    Within a posture that is a concave function of A5: it is least at a corner of the hull.
-    """
+    """Return the least (t,) [rad] that A5 is off straight in hulls: concave, least at corners."""
     at_corners = wrist_distance(kinematics, pieces.q[..., :6]).min(axis=(1, 2), initial=np.inf)
     return np.asarray(at_corners - pieces.slack[:, 4])
 
@@ -274,11 +271,7 @@ def _linear(
 def _cells(
     kinematics: Kinematics, corners: Corners, rows: IndexArray, points: int, turns: int
 ) -> tuple[Pieces, BoolArray, FloatArray]:
-    """Return the pieces of corners (r,), which are lost (r,), and the largest bulge (r,) [rad].
-
-    The triangle of the point has its sides cut into ``points``, that of the orientation into
-    ``turns``; 0: point and orientation are in step. A leap is an infinite bulge.
-    """
+    """Return pieces of corners (r,), which are lost (r,), and the largest bulge (r,) [rad]."""
     weight, nodes = _grid(points)
     at = corners.T_robroot_tcp[rows][..., :3, 3]
     p = at[:, [1]] + np.einsum("ne,rei->rni", weight, at[:, [0, 2]] - at[:, [1]])
@@ -342,12 +335,7 @@ def _to_reach(
     q: FloatArray,
     reached: BoolArray,
 ) -> tuple[FloatArray, BoolArray]:
-    """Return the joints with what is out of reach put at the edge of it, and what is lost (r,).
-
-    Where the orientation is not in step with the point it is led to where it is, (n, 2) weights,
-    until the arm can follow: beyond that edge it is nowhere. Lost: corners that are out of reach in
-    step.
-    """
+    """Return the joints, led to the edge of reach where beyond it, and which are lost (r,)."""
     wanted = np.broadcast_to(in_step[None, :, None], mixed.shape)
     found, valid = _posed(kinematics, corners, rows, p, wanted[:, :, :1])
     lost = np.asarray(~valid.all(axis=(1, 2)))

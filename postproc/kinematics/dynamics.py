@@ -77,10 +77,7 @@ def dynamics_of(robot: Robot, tool: Tool) -> Dynamics | None:
 
 @lru_cache(maxsize=8)
 def _arm(robot: Robot, geometry: UrdfGeometry) -> Dynamics:
-    """Return the arm without a tool; what else moves in the file stands still as it is at rest.
-
-    The same object for the same robot object.
-    """
+    """Return the arm without a tool, all else at rest; the same object for the same robot."""
     import pinocchio
 
     chain = read_chain(geometry.path, geometry.tip)

@@ -311,10 +311,7 @@ class OpwSolver(Solver):
         )
 
     def _wrist(self, pose: _Pose, arm: _Arm) -> Columns:
-        """Solve the last three joints, A5 above straight before its sign is applied.
-
-        Axis 6 follows from axis 4 so that its error cancels.
-        """
+        """Solve the last three joints, A5 above straight; in axis 6 the error of axis 4 cancels."""
         c1, s1, c23, s23 = arm.cos_1, arm.sin_1, arm.cos_23, arm.sin_23
         a1, a2, a3 = (c1 * r + s1 * t for r, t in zip(pose.row_1, pose.row_2, strict=True))
         b1, b2, y4 = (c1 * t - s1 * r for r, t in zip(pose.row_1, pose.row_2, strict=True))

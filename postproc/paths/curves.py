@@ -171,10 +171,7 @@ def _hold_orientation(
     external: FloatArray,
     externals: Externals,
 ) -> None:
-    """Let path motions with ``$ORI_TYPE=#CONSTANT`` end in the orientation that they start with.
-
-    What their targets say of the orientation is not heeded; the motion behind starts from there.
-    """
+    """Let ``$ORI_TYPE=#CONSTANT`` hold the orientation in which a path motion starts."""
     constant = np.array([s.system["$ORI_TYPE"] == "CONSTANT" for s in trace.settings] or [False])
     for row in np.flatnonzero(constant[trace.setting] & trace.is_cp).tolist():
         if row == 0:

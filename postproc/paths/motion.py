@@ -480,10 +480,7 @@ def _continued(
     q_start: FloatArray,
     kinematics: Kinematics,
 ) -> FloatArray:
-    """Return principal values (s, 6) shifted by whole turns so that each run is continuous.
-
-    Samples out of reach are NaN and are passed over.
-    """
+    """Return principal values (s, 6) shifted by whole turns to be continuous in runs; NaN stay."""
     known = np.isfinite(principal[:, 0])
     rows = np.arange(len(principal))
     last = np.maximum.accumulate(np.where(known, rows, -1))

@@ -91,10 +91,7 @@ def _near(places: FloatArray) -> IndexArray:
 
 
 def _crowded(places: FloatArray) -> IndexArray:
-    """Return rows (k,) of places (n, 4) that share a cell with another: all that are one place.
-
-    Two that are one place share a cell of two lattices of twice its size, shifted by half of it.
-    """
+    """Return rows (k,) of places (n, 4) that share a cell with another: all that are one place."""
     shared = np.zeros(len(places), dtype=np.bool_)
     for shift in np.ndindex(2, 2, 2):
         cell = np.floor(places[:, :3] / (2.0 * ONE_PLACE) + np.array(shift) / 2.0)
@@ -134,10 +131,7 @@ def _turned(toolpath: ToolPath, outward: FloatArray | None) -> Finding | None:
 
 
 def _flips(toolpath: ToolPath, _: FloatArray | None) -> Finding | None:
-    """Moves of a cut on which the tool would be swung to the other side of the part.
-
-    Of lists ``_turned`` tells which of the two normals it is.
-    """
+    """Moves of a cut on which the tool would be swung to the other side of the part."""
     cosine = np.einsum("ij,ij->i", toolpath.axes[1:], toolpath.axes[:-1])
     into = np.isin(toolpath.kind, CUTS)[1:] & (toolpath.format != "csv")
     at = np.flatnonzero(into & (cosine < _AGAINST)) + 1
@@ -227,10 +221,7 @@ LOOKS: tuple[Callable[[ToolPath, FloatArray | None], Finding | None], ...] = (
 
 
 def _known(toolpath: ToolPath, *, all_of_lists: bool = False) -> IndexArray:
-    """Return the tags where the tool stands at a known place with a known axis.
-
-    With ``all_of_lists`` those of the cuts of a list as well: their axes were typed or measured.
-    """
+    """Return the tags where the tool stands at a known place with a known axis."""
     known = np.isfinite(toolpath.points).all(axis=1) & np.isfinite(toolpath.axes).all(axis=1)
     is_listed = all_of_lists and toolpath.format == "csv"
     return np.flatnonzero((stationary(toolpath) | is_listed) & known)

@@ -45,11 +45,7 @@ def _tap_findings(toolpath: ToolPath, cell: Cell) -> list[Finding]:
 
 
 def _why_not(cycle: Cycle, turns: float, feed: float, cell: Cell) -> tuple[str, str]:
-    """Return why a hole cannot be tapped, and what would help; empty if it can.
-
-    A unit couples its feed to its spindle and reverses by itself; where the file names no
-    speed, it takes its own.
-    """
+    """Return why a hole cannot be tapped, and what would help; empty if it can."""
     correct = "correct feed, speed or pitch in the CAM system"
     if cell.process.unit_feeds:
         return _disagreement(cycle, turns, feed) if abs(turns) > 0.0 else "", correct

@@ -104,10 +104,7 @@ def bounded_times(
 def _knots(
     length: FloatArray, joints: JointPath, rows: IndexArray
 ) -> tuple[IndexArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the knots of a chain of motions ``rows`` (n,) in order.
-
-    The motion to each (k,), the way there (k,) [m], and q, q' and q'' there (k, d).
-    """
+    """Return knots of motions ``rows`` (n,): motion (k,), way (k,) [m], q, q' and q'' (k, d)."""
     mine = np.flatnonzero(np.isin(joints.row, rows))
     row = np.concatenate([rows, joints.row[mine]])
     at = np.concatenate([np.zeros(len(rows)), joints.share[mine]]) * length[row]

@@ -89,10 +89,7 @@ def _halved(samples: Samples, first: IndexArray, places_at: PlacesAt) -> Samples
 
 
 def _speeds(samples: Samples, time: FloatArray, top: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Return the largest share (m,) of its speed that an axis needs over a piece of each motion.
-
-    And which pieces (s - 1,) between samples may hide a higher one.
-    """
+    """Return the largest share (m,) of axis speed, and pieces (s - 1,) that may hide more."""
     row, share, places = samples
     best, unsure = np.zeros(len(time)), np.zeros(max(len(row) - 1, 0), dtype=np.bool_)
     seconds = np.diff(share) * time[row[:-1]]

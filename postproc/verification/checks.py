@@ -114,10 +114,7 @@ def _limits(run: Run, q: FloatArray, motion: AnyIntArray) -> Iterator[Said]:
 
 
 def _ways_home(run: Run, q: FloatArray, motion: AnyIntArray) -> tuple[BoolArray, FloatArray]:
-    """Return which configurations (k,) are on ways to and from home, and their margin (6,) [rad].
-
-    These may come as near to the limits as home itself.
-    """
+    """Return configurations (k,) on ways to and from home, and its margin (6,) [rad] for them."""
     wanted, home = np.full(6, run.cell.limits.joint_margin), run.cell.motion.home
     if home is None:
         return np.zeros(len(q), dtype=np.bool_), wanted

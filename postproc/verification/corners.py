@@ -70,10 +70,7 @@ def _end(
     reach: FloatArray,
     tool: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return joints, flange, external axes and joints half way where approximation begins or ends.
-
-    ``side`` 0: on the motion to the corner, 1: on the one behind it.
-    """
+    """Return joints, flange, axes, joints half way at one end (``side``) of an approximation."""
     motion, trace, curves = at + side, paths.trace, paths.curves
     q, T = paths.q[at].copy(), curves.T_robroot_flange[at].copy()
     middle = np.full_like(q, np.nan)

@@ -83,14 +83,7 @@ def _begins(paths: Paths, cuts: Cuts) -> AnyIntArray:
 
 
 def _not_led(steps: _Steps, begins: AnyIntArray, led: BoolArray, cell: Cell) -> Iterator[int]:
-    """Yield motions that come into a cut other than the file leads there, or from high above.
-
-    Args:
-        steps: the motions.
-        begins: of cuts.
-        led: (m,) motions behind which all is well.
-        cell: how far a tool backs off.
-    """
+    """Yield motions that come into a cut other than the file leads there, or from high above."""
     enough = back_off(cell) - _SLACK
     for first in begins.tolist():
         height = float(steps.down[first]) if steps.is_along(first) else 0.0

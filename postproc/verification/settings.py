@@ -120,11 +120,7 @@ def _orientation(
 
 
 def _others(run: Run, settings: Settings, motion: int) -> Iterator[tuple[RunKind, int, str]]:
-    """Yield the first setting that is neither as every plan counts with nor the cell's.
-
-    Look-ahead and the rounding of joint motions are those of the delivered controller or of the
-    plan; what a program of another plan sets there is its own affair.
-    """
+    """Yield the first setting that is neither as every plan counts with nor the cell's."""
     initial = {k: float(v) for k, v in initial_values().items() if isinstance(v, float | int)}
     delivered = [name for name in initial if name.startswith(("$ACC", "$APO.CVEL"))]
     counts = {name: [initial[name]] for name in delivered}
@@ -148,11 +144,7 @@ def _others(run: Run, settings: Settings, motion: int) -> Iterator[tuple[RunKind
 
 
 def _turns_too_slowly(run: Run) -> Iterator[Said]:
-    """Report paths whose orientation speed is another than the cell's.
-
-    Slower is right where the turn alone takes all the time of a motion, or the tool point hardly
-    moves: then it is the axes that set the speed.
-    """
+    """Report paths that turn at another speed than the cell's, unless turn or axes set the time."""
     trace, curves, cell = run.paths.trace, run.paths.curves, run.cell
     asked = cell.krl.orientation_speed
     own = [dict(settings.system) for settings in trace.settings]

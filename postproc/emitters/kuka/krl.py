@@ -72,11 +72,7 @@ EMITTERS.register("kuka_krl")(KukaKrl())
 
 
 def _violations(report: VerifyReport, displacement: Displacement | None) -> Iterator[Finding]:
-    """Yield what the check finds against the text.
-
-    Effects that follow the motion change within a line, where no commanded point can answer. Where
-    what is left of them is as little as they may leave, one warning stands for all of it.
-    """
+    """Yield what the check finds against the text; one warning for small effects within lines."""
     expected = report.expectation
     is_excused = bool(expected and displacement and expected.expected_max < displacement.left)
     left = [violation for violation in report.violations if is_excused and violation.code in _REAL]

@@ -221,11 +221,7 @@ class PartWriter:
         self.out += self.events.templates.statements("frames", self.values(index))
 
     def _frames_change(self, index: int) -> bool:
-        """Return whether tool or base change before a move, and no routine changes the tool.
-
-        Such a routine may select what it needs itself: behind its call both are selected again. The
-        head of a file selects those of its first move.
-        """
+        """Return whether tool or base change before a move, and no routine changes the tool."""
         if index == self.part.first or not self.table.is_reframed[index]:
             return False
         events = self.by_index.get(index, ())
@@ -400,11 +396,7 @@ class PartWriter:
             self.out += [krl.Assign("$VEL.ORI1", deg_s), krl.Assign("$VEL.ORI2", deg_s)]
 
     def _blend(self, index: int) -> tuple[str, ...]:
-        """Return the approximation words of a move, after setting its distance.
-
-        A PTP is approximated by distance as well (KSS 8.2 and newer): C_PTP counts in percent of
-        the motion, so how far it leaves the planned path nobody knows.
-        """
+        """Return the words that approximate a move by distance; C_PTP counts in percent."""
         blend = self.table.blend_mm[index]
         if blend <= 0.0:
             return ()

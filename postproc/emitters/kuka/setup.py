@@ -65,10 +65,7 @@ def _frame(T: FloatArray) -> Pose:
 
 
 def _load(tool: Tool) -> Aggregate | None:
-    """Return LOAD_DATA, None if mass or centre of gravity is not known.
-
-    An inertia that nobody has measured is 0: that of a mass in one point.
-    """
+    """Return LOAD_DATA, inertia 0 where not measured; None without mass or centre of gravity."""
     if math.isnan(tool.mass) or tool.com is None:
         return None
     x, y, z = (float(v) / MM for v in tool.com)

@@ -115,10 +115,7 @@ def _plunges(part: Part) -> None:
 
 
 def _headings(part: Part, way: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the directions (k-1, 3) in which the motions behind the first begin and end.
-
-    Those of a circle are its tangents; NaN where the text does not tell.
-    """
+    """Return directions (k-1, 3) in which the motions behind the first begin and end, or NaN."""
     begin, end = way.copy(), way.copy()
     places = [k for k, step in enumerate(part.steps) if k and step.move.word.is_circular]
     if places:
@@ -146,11 +143,7 @@ def _inverted(ways: FloatArray) -> FloatArray:
 
 
 def _is_along_tool(bottom: Step, way: FloatArray) -> bool:
-    """Whether a way (3,) goes along an axis of the TCP frame, as a tool plunges.
-
-    Which of the three is the tool's the text does not say. A slot that is cut there and back at
-    another feed goes across the tool.
-    """
+    """Whether a way (3,) goes along an axis of the TCP frame, as a tool plunges."""
     pose = bottom.target
     if not isinstance(pose, krl.Pose) or pose.a_deg is None or pose.b_deg is None:
         return True

@@ -126,11 +126,7 @@ def _bas(subject: Subject, path: str, call: krl.Call) -> None:
 
 
 def _needed(part: Part) -> Iterator[str]:
-    """Yield the parameters that a routine decides or reckons by whatever happens.
-
-    One that is assigned or handed on is not needed yet, and one that VARSTATE asks of may lack:
-    the messages of the controller leave most of theirs out.
-    """
+    """Yield the parameters that a routine decides or reckons by, whatever happens."""
     parameters = {parameter.name.upper() for parameter in part.routine.parameters}
     depth, read, asked = 0, set[str](), False
     for statement in part.routine.statements if parameters else ():

@@ -89,11 +89,7 @@ class _Uses:
 
 
 def _of_single_modules(subject: Subject, missing: list[_Missing]) -> None:
-    """Report missing names; one warning for all of a module that is part of something larger.
-
-    It is where these modules use many names that nothing declares, and not only points and the data
-    of forms, which stand in a .dat of their own; or where a module calls an option.
-    """
+    """Report missing names; one warning for all of a module that is part of something larger."""
     is_part = len({i.name for i in missing if not i.is_call and not i.is_taught}) >= _MANY
     for module in subject.modules:
         own = [item for item in missing if item.module is module]
@@ -113,12 +109,7 @@ def _of_single_modules(subject: Subject, missing: list[_Missing]) -> None:
 
 
 def _of_options(subject: Subject, missing: list[_Missing]) -> None:
-    """Report missing names of a whole controller.
-
-    What the controller's own modules or many modules use and no file defines comes with an option
-    whose files are not here: one warning for all such names, wherever they are used. A routine that
-    is missing is named once.
-    """
+    """Report missing names of a whole controller, those of its options in one warning."""
     users: dict[str, set[str]] = {}
     for item in missing:
         users.setdefault(item.name, set()).add(item.module.src_path)
@@ -254,10 +245,7 @@ def _unused_points(subject: Subject, module: krl.KrlModule, used: set[str]) -> N
 
 
 def _uses(statements: Iterable[krl.Statement]) -> Iterator[tuple[str, bool, int]]:
-    """Yield (name in upper case, whether it is called, line) of everything that is used.
-
-    What a text uses is said where it stands first.
-    """
+    """Yield (name in upper case, whether it is called, first line) of everything that is used."""
     said: set[str] = set()
     for statement in statements:
         kind = type(statement)

@@ -112,10 +112,7 @@ def _assignment_call_or_declaration(code: str, comment: str, line: int) -> krl.S
 def _assignment_or_call(
     code: str,
 ) -> tuple[str, tuple[krl.Value | None, ...] | None, krl.Value] | None:
-    """Return name, arguments of a call (None: none), value of an assignment; None: neither.
-
-    Programs repeat such lines a thousand times.
-    """
+    """Return name, arguments of a call, value of an assignment; None where it is not one."""
     parser = ExpressionParser(code)
     first = parser.tokens[0].text
     second = parser.tokens[1]

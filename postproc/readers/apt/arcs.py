@@ -107,10 +107,7 @@ def _closing(
     normal: FloatArray,
     faults: Faults,
 ) -> IntArray:
-    """Return whether the end of each arc (m,) is met by its sweep, 1, against it, -1, or both, 0.
-
-    Both stay open where they meet it within the accuracy of files, and no sign of the sweep tells.
-    """
+    """Return whether the end of each arc (m,) is met by its sweep: 1, against it: -1, both: 0."""
     across = np.cross(normal, to_start)
     sweep = np.where(records.free, records.sweep, np.abs(records.sweep))[:, None]
     cosine, sine = np.cos(sweep), np.sin(sweep)

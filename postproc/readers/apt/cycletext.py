@@ -192,10 +192,7 @@ def _countersunk(state: AptState, found: Found, first: str) -> Found:
 
 
 def _by_position(state: AptState, words: tuple[str, ...]) -> Found:
-    """Return the parameters of HSM's and SURFCAM's order; minor words may stand between.
-
-    HSM: depth[, INCR, i], unit, feed, clearance[, shift]. SURFCAM: depth, feed, unit, clearance.
-    """
+    """Return depth[, INCR, i], unit, feed, clearance[, shift], or SURFCAM's order of them."""
     surfcam = state.dialect.cycle_grammar is CycleGrammar.SURFCAM or not is_hsm_order(words)
     names = ["depth", "feed", "clear"] if surfcam else ["depth", "feed", "clear", "shift"]
     unit = next((word for word in words[1:] if is_feed_unit(word)), "PERMIN")

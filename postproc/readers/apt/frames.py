@@ -83,11 +83,7 @@ def _name_setup(
     y: FloatArray,
     origin: list[float],
 ) -> None:
-    """Keep a setup that the file places; the points are not moved by it.
-
-    Whether they are already in its coordinates no file has shown, so it is refused unless it is
-    the identity.
-    """
+    """Keep a setup that the file places; all but the identity is refused, no point is moved."""
     R = rotation(np.column_stack([x, y, np.cross(x, y)]), state.faults, state.line)
     matrix = np.column_stack([R, np.array(origin) * state.scale])
     rows = tuple(tuple((row + 0.0).tolist()) for row in matrix)

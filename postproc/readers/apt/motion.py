@@ -247,11 +247,7 @@ class MotionReader(AtLine):
         return result
 
     def _rapids(self, lines: IndexArray) -> tuple[BoolArray, BoolArray]:
-        """Return which points (k,) a RAPID applies to, the next one only, and which it suspends.
-
-        A RAPID behind the CYCLE takes its point out of the cycle; one before it is how the tool
-        goes to the hole, which every cycle does in rapid.
-        """
+        """Return which points (k,) a RAPID applies to, the next one only, and which it suspends."""
         k = len(lines)
         rapid = _last_before(lines, np.flatnonzero(self._scan.code == RAPID), self._rapid)
         if self._dialect.feed_cancels_rapid:
@@ -344,11 +340,7 @@ class MotionReader(AtLine):
 def _last_before(
     lines: IndexArray, words: IndexArray | list[int], carried: bool = False
 ) -> IndexArray:
-    """Return the line (k + 1,) of the last word between each point and the one before it.
-
-    The last entry is that of the first point of the next block. -1 where the word stands in a block
-    before (``carried``), ``_NEVER`` where there is none.
-    """
+    """Return the line (k + 1,) of the last word before each point, -1 earlier, ``_NEVER`` none."""
     last = np.full(len(lines) + 1, _NEVER, dtype=np.int64)
     if carried:
         last[0] = -1

@@ -183,10 +183,7 @@ def _of_header(layout: Layout) -> list[Column]:
 
 
 def _bare_beside_units(columns: list[Column]) -> str:
-    """Return the column whose unit makes those without one doubtful, empty if there is none.
-
-    Lengths and feeds without a unit are in mm, unless others are stated in another unit.
-    """
+    """Return the column whose unit makes those without one (mm) doubtful, empty if none does."""
     for column in columns:
         unit = column.unit
         if unit is None or column.role == "diameter":

@@ -430,10 +430,7 @@ def _text(element: etree._Element | None) -> str:
 
 
 def _line(element: etree._Element) -> int:
-    """Return the line of the start tag.
-
-    Beyond line 65534 libxml2 keeps a text's line only, the one where it ends.
-    """
+    """Return the line of the start tag; beyond line 65534 libxml2 keeps only that of its end."""
     line = element.sourceline
     if not isinstance(line, int):
         return 1

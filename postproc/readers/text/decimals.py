@@ -92,10 +92,7 @@ def parse_tokens(
 def _parse_plain(
     windows: ByteArray, buffer: ByteArray, starts: IndexArray, ends: IndexArray
 ) -> tuple[FloatArray, BoolArray]:
-    """Evaluate signed plain decimals of at most 16 characters, eight characters at a time.
-
-    ``windows``: (m, 16) sliding windows; row ``e`` holds the 16 characters before byte ``e``.
-    """
+    """Evaluate signed plain decimals in windows (m, 16) before byte e, eight bytes at a time."""
     first = buffer[starts]
     negative = first == _MINUS
     starts = starts + (negative | (first == _PLUS))

@@ -381,10 +381,7 @@ class _Linear:
         return np.asarray(np.einsum("nk,knm,mk->k", weight, K, pull))
 
     def _whitened(self, hyper: Hyper) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the Cholesky factor of y's covariance, y, both in sigma, and the priors (k, n, n).
-
-        The priors are those of b_i + h_i + g_i.
-        """
+        """Return the Cholesky factor of y's covariance, y in sigma, and the priors (k, n, n)."""
         q, n = self.q, len(self.q)
         K = hyper.amplitude**2 * kernel(q, q, hyper.lengths) + _OFFSET_SD**2
         own = hyper.own_amplitude**2 * own_kernel(q, q, np.full(6, hyper.own_length))[self.seen]

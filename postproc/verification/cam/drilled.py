@@ -276,14 +276,7 @@ class _Drilled:
 
 
 def _deepened(places: IntArray, is_hole: BoolArray) -> BoolArray:
-    """Return the rows (n,) at whose place the file makes a hole of another depth, too.
-
-    The strokes of that one may pass the bottom, so how often it is reached tells nothing.
-
-    Args:
-        places: (n, 3) numbers of top, bottom and axis.
-        is_hole: (n,).
-    """
+    """Return the rows (n,) at whose place the file makes a hole of another depth, too."""
     lines = np.unique(places[is_hole, 1:], axis=0)[:, 1]
     again = np.bincount(lines, minlength=int(places[:, 2].max(initial=-1)) + 1) > 1
     return np.asarray(again[places[:, 2]])

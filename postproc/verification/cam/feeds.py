@@ -75,13 +75,7 @@ def _fed(run: Run, match: Match) -> tuple[AnyIntArray, AnyIntArray]:
 
 
 def _forced(run: Run, motions: AnyIntArray, share: FloatArray) -> BoolArray:
-    """Return which motions (b,) are slow because an axis could not follow the asked feed.
-
-    Args:
-        run: the program.
-        motions: (b,) motions.
-        share: (b,) programmed feed over asked feed.
-    """
+    """Return which motions (b,) are slow because an axis could not follow the asked feed."""
     paths = run.paths
     needed = np.zeros(len(paths))
     if len(motions) and len(paths.row):

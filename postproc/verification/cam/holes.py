@@ -72,11 +72,7 @@ def _dwells(trace: Trace) -> dict[int, float]:
 
 
 def _inside(hole: Hole, clear: float, near: float, moves: list[bool]) -> Iterator[Remark]:
-    """Yield the first motion below the clearance height that is not along the axis.
-
-    What the tool does at the tag before is judged there; where that or the next one is a hole
-    at the same place, so is what the tool does from there on, or up to there.
-    """
+    """Yield the first motion below the clearance height that is not along the axis."""
     for number, height in enumerate(hole.heights):
         motion = number + hole.offset
         if motion == hole.first or height is None:
@@ -96,10 +92,7 @@ def _inside(hole: Hole, clear: float, near: float, moves: list[bool]) -> Iterato
 
 
 def _steps(match: Match, row: int, hole: Hole, near: float) -> Iterator[Remark]:
-    """Check that what is drilled at once is what the cycle orders, and chips get out.
-
-    Steps as small as what still counts as on the axis may be drilled together.
-    """
+    """Check that what is drilled at once is what the cycle orders, and chips get out."""
     wanted, heights = match.tags.wanted, dict(hole.down)
     depth, step = float(wanted.depth[row]), float(wanted.peck_first[row])
     before, last = 0.0, -1

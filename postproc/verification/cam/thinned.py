@@ -79,10 +79,7 @@ def passed_of(
 def _give_back(
     served: AnyIntArray, may: BoolArray, real: RealPaths, toolpath: ToolPath, tolerance: float
 ) -> None:
-    """Let a motion serve the tag that may not be passed (n,) of those that lie together, in place.
-
-    It could be that of a neighbour as well, if that is no farther off than the tolerance [m].
-    """
+    """Let a motion serve the tag that may not be passed (n,) among neighbours [m], in place."""
     points = np.asarray(toolpath.points)
     for tag in np.flatnonzero((served < 0) & ~may).tolist():
         for step in (1, -1):

@@ -73,10 +73,7 @@ def check_turns(run: Run, match: Match) -> Iterator[Said]:
 
 
 def _tilted_between(run: Run, match: Match) -> Iterator[Remark]:
-    """Yield where the tool leaves the allowed tilt between two tags.
-
-    A line between two upright tags is as it is without any tilt, and passed over.
-    """
+    """Yield where the tool leaves the allowed tilt between two tags."""
     paths, tilt, found = run.paths, match.off.tilt, []
     for row, covered in match.ways.covered.items():
         if not covered or (len(covered) == 1 and max(tilt[row - 1], tilt[row]) < _UPRIGHT):
@@ -113,10 +110,7 @@ def _shares(element: Line | Arc, points: FloatArray) -> FloatArray:
 
 
 def _bent(run: Run, match: Match) -> tuple[Followed | None, list[Remark]]:
-    """Return how far the real tool leaves straight lines that are right at both ends.
-
-    Commanded points cannot; the arm gives way by another amount in the middle of a long line.
-    """
+    """Return how far the real tool leaves straight lines that are right at both ends."""
     real, rows, paths = match.real, match.ways.direct, run.paths
     tag = np.full(len(paths), -1)
     tag[match.tags.first[rows]] = rows
