@@ -43,6 +43,17 @@ export class Arm {
     });
   }
 
+  // the origins of the link frames in the world at joint angles [rad], the arm left as it stands
+  origins(angles) {
+    const kept = this.frames.map((frame) => frame.clone());
+    this.place(angles);
+    return this.frames.map((frame, k) => {
+      const origin = frame.elements.slice(12, 15);
+      frame.copy(kept[k]);
+      return origin;
+    });
+  }
+
   // the origin of the flange in the world [m]
   get tip() {
     return this.frames.at(-1).elements.slice(12, 15);

@@ -12,7 +12,7 @@ import { openScene } from "./scene.js";
 import { camLines, linesNear, linesOfMoves, markMove, showLines } from "./source.js";
 import { showSpins, SpinMap } from "./spins.js";
 import { trail } from "./trail.js";
-import { corners, origin, robotAndPart } from "./views.js";
+import { corners } from "./views.js";
 
 const FAILING = [1, 0, 0];
 const NO_VALUE = [0.55, 0.55, 0.55];
@@ -198,9 +198,18 @@ export class ProgramView {
       const radius = Math.max(0.2, 0.15 * half);
       scene.look({ centre: scene.inWorld(data.point(this.#shown)), radius });
     } else {
-      const { from } = robotAndPart(origin(data.robot.T_world_robroot), centre, half);
-      scene.fit(corners(data.points), from);
+      scene.fit(corners(data.points), scene.side(data.points, data.axes, this.#somePoses()));
     }
+  }
+
+  // poses spread over the program
+  #somePoses() {
+    const { q, moves } = this.data;
+    if (!moves) return [this.#angles];
+    return [0.1, 0.3, 0.5, 0.7, 0.9].map((share) => {
+      const move = Math.floor(share * moves);
+      return Array.from(q.subarray(6 * move, 6 * move + 6));
+    });
   }
 
   #paint(column) {

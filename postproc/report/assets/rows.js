@@ -8,7 +8,7 @@ import { columnField, RowList } from "./list.js";
 import { spell } from "./numbers.js";
 import { openScene } from "./scene.js";
 import { dress } from "./dress.js";
-import { corners, origin, robotAndPart } from "./views.js";
+import { corners } from "./views.js";
 
 const NO_VALUE = [0.6, 0.6, 0.6];
 const ARROW = [0.35, 0.1, 0.55];
@@ -30,8 +30,7 @@ function look() {
   const middle = scene.inWorld(centre);
   if (data.robot) {
     scene.addFloor();
-    const { from } = robotAndPart(origin(data.robot.T_world_robroot), middle, radius);
-    scene.fit(corners(points), from);
+    scene.fit(corners(points), scene.side(points, null, angles ? [angles] : []));
   } else {
     scene.look({ centre: middle, radius: 1.3 * radius, from: [-0.5, -0.8, 0.5] });
   }

@@ -21,7 +21,7 @@ import { Arm } from "./arm.js";
 import { lineSegments, MANY, pointMarks } from "./marks.js";
 import { Solids } from "./solids.js";
 import { Tips } from "./tips.js";
-import { viewOf } from "./views.js";
+import { openSide, viewOf } from "./views.js";
 
 const CLICK = 4; // px that the mouse may move between press and release
 const FLOOR = 8; // m
@@ -292,6 +292,12 @@ class SceneView {
     this.#draw();
   }
 
+  // the side from which points of the workpiece are seen best in poses of the robot, as openSide
+  side(points, axes, poses) {
+    const arms = poses.map((angles) => this.#arm.origins(angles));
+    return openSide(points, axes, (point) => this.inWorld(point), arms);
+  }
+
   // looks at a sphere of the world; without a direction from where it looks now
   look({ centre, radius, from }) {
     const target = this.#controls.target;
@@ -368,7 +374,7 @@ class SceneView {
 }
 
 // What stands in for the view where the browser has no WebGL: the rest of the page works.
-const SILENT = "stand place miss work highlight clear shift point addFloor addFrame look fit";
+const SILENT = "stand place miss work highlight clear shift point addFloor addFrame look fit side";
 export const NO_SCENE = {
   ...Object.fromEntries(SILENT.split(" ").map((name) => [name, () => {}])),
   ...{ solids: [], tip: null, meeting: null, eye: null },

@@ -1,42 +1,21 @@
 // Where the camera looks from.
 
-// the origin of a frame (rows of 4 x 4)
-export function origin(rows) {
-  return [rows[3], rows[7], rows[11]];
-}
-
-export function middle(a, b) {
-  return a.map((v, k) => (v + b[k]) / 2);
-}
-
-export function distance(a, b) {
-  return Math.hypot(...a.map((v, k) => v - b[k]));
-}
-
-export function raised([x, y, z], height) {
-  return [x, y, z + height];
-}
-
-// robot and part, of a radius about a centre, from the side that faces neither
-export function robotAndPart(root, centre, radius) {
-  const reach = distance(root, centre);
-  const out = [centre[0] - root[0], centre[1] - root[1]];
-  const length = Math.hypot(...out) || 1;
-  const [x, y] = out.map((v) => v / length);
-  return {
-    centre: raised(middle(root, centre), 0.28 * reach),
-    radius: 0.66 * reach + 0.6 * radius,
-    from: [y - 0.45 * x, -x - 0.45 * y, 0.45],
-  };
-}
+const SIDES = 24; // directions that are tried, all from as high
+const RISE = 0.45;
+const MOST = 60; // points that are looked at
+const NEAR = 0.3; // of the arm's length: what it hides beside its axes
 
 function dot(a, b) {
   return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
+function size(v) {
+  return Math.hypot(...v);
+}
+
 function unit(v) {
-  const size = Math.hypot(...v) || 1;
-  return v.map((x) => x / size);
+  const long = size(v) || 1;
+  return v.map((x) => x / long);
 }
 
 // Where to look and from how far along a direction, so that all points are in view; up is z.
@@ -69,6 +48,63 @@ export function viewOf(points, from, vertical, horizontal) {
     far = Math.max(...ends.map((end) => end.distance));
   }
   return { target, distance: far };
+}
+
+// how far the line from a point along a unit direction passes other points, those behind it left out
+function passes(point, way, others) {
+  let nearest = Infinity;
+  for (const other of others) {
+    const off = other.map((v, k) => v - point[k]);
+    const along = dot(off, way);
+    if (along > 0) nearest = Math.min(nearest, Math.sqrt(Math.max(0, dot(off, off) - along ** 2)));
+  }
+  return nearest;
+}
+
+function length(points) {
+  return points
+    .slice(1)
+    .reduce((sum, end, k) => sum + size(end.map((v, j) => v - points[k][j])), 0);
+}
+
+// points along a polyline, close enough that no line slips through it unseen
+function filled(points) {
+  const between = [0.2, 0.4, 0.6, 0.8, 1];
+  return points.flatMap((end, k) => {
+    const start = points[Math.max(k - 1, 0)];
+    return between.map((t) => start.map((v, j) => v + t * (end[j] - v)));
+  });
+}
+
+// The direction to look from, in which most points show their face and hide least behind the arm.
+// points of the workpiece and axes out of it, null where they are not known: flat, 3 numbers each;
+// inWorld of such a point; arms: for each of some poses, points along the arm from its root, in the world.
+export function openSide(points, axes, inWorld, arms) {
+  const step = 3 * Math.ceil(points.length / 3 / MOST);
+  const some = [];
+  for (let k = 0; k < points.length; k += step) {
+    const point = [...points.subarray(k, k + 3)];
+    const off = inWorld(point.map((v, j) => v + (axes ? axes[k + j] : 0)));
+    const at = inWorld(point);
+    some.push({ at, face: off.map((v, j) => v - at[j]) });
+  }
+  const stand = arms.map((arm) => ({ along: filled(arm), beside: NEAR * length(arm) || 1 }));
+  const clear = (at, side) =>
+    stand.reduce(
+      (sum, { along, beside }) => sum + Math.min(1, passes(at, side, along) / beside),
+      0,
+    );
+  const shown = (side) =>
+    some.reduce(
+      (sum, { at, face }) => sum + clear(at, side) * (0.2 + Math.max(0, dot(face, side))),
+      0,
+    );
+  const sides = Array.from({ length: SIDES }, (_, k) => {
+    const angle = (2 * Math.PI * k) / SIDES;
+    return unit([Math.cos(angle), Math.sin(angle), RISE]);
+  });
+  const scores = sides.map(shown);
+  return sides[scores.indexOf(Math.max(...scores))];
 }
 
 // corners of the box around points

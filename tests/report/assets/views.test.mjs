@@ -1,35 +1,26 @@
 import assert from "node:assert/strict";
 import test from "node:test";
-import { origin, robotAndPart, viewOf } from "../../../postproc/report/assets/views.js";
+import { openSide, viewOf } from "../../../postproc/report/assets/views.js";
 
-function dot(a, b) {
-  return a.reduce((sum, v, k) => sum + v * b[k], 0);
-}
-
-test("the origin of a frame", () => {
-  assert.deepEqual(origin([1, 0, 0, 7, 0, 1, 0, 8, 0, 0, 1, 9, 0, 0, 0, 1]), [7, 8, 9]);
-});
-
-test("robot and part are seen from the side and from above, a little from the robot's end", () => {
-  const [root, part] = [
-    [1, 1, 0],
-    [3, 4, 1],
+test("a part is looked at from where its face shows and the arm hides nothing", () => {
+  const arm = [
+    [0, 0, 0],
+    [0, 0, 2],
+    [2, 0, 2],
+    [2, 0, 1],
   ];
-  const { centre, radius, from } = robotAndPart(root, part, 0.5);
-  const reach = Math.sqrt(14);
-  assert.deepEqual(centre.slice(0, 2), [2, 2.5]);
-  assert.ok(radius > reach / 2);
-  assert.ok(from[2] > 0);
-  const level = from.slice(0, 2);
-  const out = [2, 3].map((v) => v / Math.sqrt(13));
-  assert.ok(Math.abs(dot(level, out) + 0.45) < 1e-12);
-  assert.ok(Math.abs(dot(level, [out[1], -out[0]]) - 1) < 1e-12);
-});
-
-test("a part right above the root is seen too", () => {
-  const { from, radius } = robotAndPart([0, 0, 0], [0, 0, 1], 0.3);
-  assert.deepEqual(from.map(Math.abs), [0, 0, 0.45]);
-  assert.ok(radius > 0.5);
+  const points = Float64Array.from([-0.4, -0.2, 0, 0.2, 0.4].flatMap((y) => [2.6, y, 0.6]));
+  const seen = (face) =>
+    openSide(points, face && points.map((_, k) => face[k % 3]), (p) => p, [arm]);
+  // a wall whose face the robot works at: from its side, past the arm
+  const wall = seen([-1, 0, 0]);
+  assert.ok(wall[0] < 0 && Math.abs(wall[1]) > 0.2, `${wall}`);
+  // a face that looks along y is seen from there
+  const side = seen([0, -1, 0]);
+  assert.ok(side[1] < -0.6, `${side}`);
+  // a face that nobody states: past the arm all the same
+  const unknown = seen(null);
+  assert.ok(unknown[0] > -0.5 && unknown[2] > 0, `${unknown}`);
 });
 
 test("all points are in view, and some at its edge", () => {
