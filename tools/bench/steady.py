@@ -71,7 +71,7 @@ def tool(holes: Holes, cell: str, _at: int) -> tuple[Holes, str]:
     turned = re.search(rf"\[tool\].*?abc_deg = \[({_NUMBERS}(?:, *{_NUMBERS})*)\]", cell, re.DOTALL)
     if turned is None:
         raise SystemExit("the cell has no tool frame")
-    R = rotation_from_abc(np.array([float(v) for v in turned[1].split(",")]))
+    R = rotation_from_abc(DEG * np.array([float(v) for v in turned[1].split(",")]))
     return holes, _shifted(cell, "[tool]", tuple((10.0 * R[:, 2]).tolist()))
 
 
