@@ -32,8 +32,8 @@ def fit_box(points: FloatArray, faces: FloatArray | None = None) -> tuple[FloatA
     best: tuple[FloatArray, ...] = ()
     smallest = np.inf
     for axes in _candidates(points, faces):
-        local = points @ axes
-        low, high = np.minimum.reduce(local), np.maximum.reduce(local)
+        local = np.ascontiguousarray((points @ axes).T)  # numpy is slow along short rows
+        low, high = local.min(axis=1), local.max(axis=1)
         half = 0.5 * (high - low)
         x, y, z = half.tolist()
         surface = x * y + y * z + z * x

@@ -56,12 +56,12 @@ def parts_of(mesh: Mesh) -> Parts:
 
 def _component_of_vertex(mesh: Mesh) -> IntArray:
     """Return the smallest vertex index of each vertex's part (v,)."""
-    label = np.arange(len(mesh.vertices))
+    label, columns = np.arange(len(mesh.vertices)), np.ascontiguousarray(mesh.faces.T)
     while True:
-        smallest = label[mesh.faces].min(axis=1)
+        smallest = label[columns].min(axis=0)
         before = label.copy()
-        for k in range(3):
-            np.minimum.at(label, before[mesh.faces[:, k]], smallest)
+        for column in columns:
+            np.minimum.at(label, before[column], smallest)
         label = label[label]
         label = np.minimum(label, before)
         if np.array_equal(label, before):
