@@ -11,8 +11,9 @@ is mistaken for, what absorbs it, what it says of the joint stiffness. No other 
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field
 from enum import StrEnum
 from typing import Any, ClassVar
@@ -103,8 +104,10 @@ class Effect(ABC):
     """Conditions that it makes the gap depend on, as in ``where.conditions``."""
     equilibrium: ClassVar[bool] = False
     """The basis depends on the load at the pose that the arm really takes."""
-    layout: ClassVar[tuple[tuple[str, int], ...]] = ()
-    """Keys of the model file with the count of parameters behind each (1: a plain number)."""
+    layout: ClassVar[tuple[tuple[str, int | tuple[int, ...]], ...]] = ()
+    """Keys of the model file with count (1: a plain number) or shape of the parameters behind."""
+    setting_keys: ClassVar[Mapping[str, str]] = {}
+    """Numbers of the setting to their keys of the model file."""
     parameter_list: ClassVar[tuple[Parameter, ...]] = ()
     """The parameters, where they depend neither on the arm nor on the setting."""
     geometric: ClassVar[bool] = False
@@ -270,12 +273,12 @@ class Effect(ABC):
     def write(self, state: State, arm: Arm) -> dict[str, Any]:
         """Return the table of the model file, file units; NaN where the data saw nothing."""
         del arm
-        table: dict[str, Any] = {}
+        table = {key: entry(key, state.setting[name]) for name, key in self.setting_keys.items()}
         start = 0
-        for key, count in self.layout:
-            values = state.theta[start : start + count]
-            table[key] = entry(key, values if count > 1 else values[0])
-            start += count
+        for key, shape in self._shapes():
+            end = start + math.prod(shape)
+            table[key] = entry(key, state.theta[start:end].reshape(shape))
+            start = end
         unseen = unseen_joints(state.theta) if self.layout and self.layout[0][1] == 6 else []
         if unseen:
             table["unobservable_joints"] = unseen
@@ -288,14 +291,20 @@ class Effect(ABC):
             DataError: MOD004, MOD005, MOD006 from the table.
         """
         del arm
-        known = [key for key, _ in self.layout]
+        known = [*self.setting_keys.values(), *(key for key, _ in self.layout)]
         model.require_known(self.name, [*known, "unobservable_joints"])
+        numbers = ((n, model.values(self.name, key)) for n, key in self.setting_keys.items())
+        setting = {name: float(np.asarray(value)) for name, value in numbers}
         parts = []
-        for index, (key, count) in enumerate(self.layout):
-            shape: tuple[int, ...] = (count,) if count > 1 else ()
-            values = model.values(self.name, key, shape, optional=index > 0)
-            parts.append(np.zeros(count) if values is None else np.atleast_1d(values))
-        return State(np.concatenate(parts))
+        for index, (key, shape) in enumerate(self._shapes()):
+            values = model.values(self.name, key, shape, optional=index > 0 or bool(setting))
+            parts.append(np.zeros(math.prod(shape)) if values is None else np.ravel(values))
+        return State(np.concatenate(parts), setting)
+
+    def _shapes(self) -> Iterator[tuple[str, tuple[int, ...]]]:
+        """Yield the keys of the layout with the shapes of their numbers."""
+        for key, count in self.layout:
+            yield key, ((count,) if count > 1 else ()) if isinstance(count, int) else count
 
 
 EFFECTS: Registry[Effect] = Registry("effects", "postproc.gap.effects", Effect)

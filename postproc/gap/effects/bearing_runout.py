@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 import numpy as np
 
 from postproc.errors import DataError
 from postproc.gap.data import Arm, Samples
 from postproc.gap.effect import Basis, Effect, Parameter, Setting, State, register
-from postproc.model import ModelFile, entry
+from postproc.model import ModelFile
 
 JOINTS = (1, 2, 3)
 """The joints with a main bearing; those of the wrist are small."""
@@ -30,6 +31,8 @@ class BearingRunout(Effect):
     conditions = ("joint angle",)
     geometric = True
     is_rare = True
+    layout = (("cosine_mm", 3), ("sine_mm", 3))
+    setting_keys: ClassVar[Mapping[str, str]] = {"joint": "joint"}
 
     def prepare(self, samples: Samples) -> Setting:
         """Return the bearing of axis 1; a search may choose another."""
@@ -63,13 +66,7 @@ class BearingRunout(Effect):
 
     def write(self, state: State, arm: Arm) -> dict[str, Any]:
         """Return the axis and the amplitudes of the shift."""
-        del arm
-        shift = np.nan_to_num(state.theta)
-        return {
-            "joint": int(state.setting["joint"]),
-            "cosine_mm": entry("cosine_mm", shift[:3]),
-            "sine_mm": entry("sine_mm", shift[3:]),
-        }
+        return super().write(state, arm) | {"joint": int(state.setting["joint"])}
 
     def read(self, model: ModelFile, arm: Arm) -> State:
         """Return the shift of a table.
@@ -77,14 +74,11 @@ class BearingRunout(Effect):
         Raises:
             DataError: MOD006 for an axis without a main bearing.
         """
-        del arm
-        model.require_known(self.name, ["joint", "cosine_mm", "sine_mm"])
-        joint = int(np.asarray(model.values(self.name, "joint")))
-        if joint not in JOINTS:
+        state = super().read(model, arm)
+        if state.setting["joint"] not in JOINTS:
             raise DataError(
                 "MOD006",
                 f"effects.{self.name}.joint: expected 1, 2 or 3",
                 model.source(self.name, "joint"),
             )
-        shift = [model.values(self.name, key, (3,)) for key in ("cosine_mm", "sine_mm")]
-        return State(np.concatenate([np.asarray(part) for part in shift]), {"joint": joint})
+        return state

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from typing import ClassVar
 
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.gap.data import Arm, Samples
-from postproc.gap.effect import Basis, Effect, Kind, Parameter, Setting, State, base_moved, register
-from postproc.model import ModelFile, entry
+from postproc.gap.data import Samples
+from postproc.gap.effect import Basis, Effect, Kind, Parameter, Setting, base_moved, register
 from postproc.units import MM
 
 _SHIFTS, _TURNS = 4, 2
 """Highest degree of the polynomials along the way: of a shift, of a turn."""
-_FORMS = (("shift_mm", _SHIFTS), ("turn_deg", _TURNS))
 
 
 @register
@@ -33,6 +32,8 @@ class Rail(Effect):
     kind = Kind.MEASUREMENT
     needs = ("e1_mm",)
     conditions = ("e1_mm",)
+    layout = (("shift_mm", (_SHIFTS, 3)), ("turn_deg", (_TURNS, 3)))
+    setting_keys: ClassVar[Mapping[str, str]] = {"start": "start_mm", "end": "end_mm"}
     parameter_list = (
         *(
             Parameter(f"shift_{axis}_{n}", 2e-4, family="scale" if n == 1 else "straightness")
@@ -62,22 +63,6 @@ class Rail(Effect):
         each = base_moved(f).reshape(*size, _SHIFTS, 6)
         parts = each[..., :3], each[..., :_TURNS, 3:]
         return Basis(link=np.concatenate([part.reshape(*size, -1) for part in parts], axis=3))
-
-    def write(self, state: State, arm: Arm) -> dict[str, Any]:
-        """Return the way, and the shifts and turns of each polynomial."""
-        del arm
-        parts = np.split(np.nan_to_num(state.theta).reshape(-1, 3), [_SHIFTS])
-        ends = {key: entry(f"{key}_mm", state.setting[key]) for key in ("start", "end")}
-        table = {key: entry(key, part) for (key, _), part in zip(_FORMS, parts, strict=True)}
-        return {f"{key}_mm": value for key, value in ends.items()} | table
-
-    def read(self, model: ModelFile, arm: Arm) -> State:
-        """Return the rail of a table."""
-        del arm
-        model.require_known(self.name, ["start_mm", "end_mm", *(key for key, _ in _FORMS)])
-        ends = {k: float(np.asarray(model.values(self.name, f"{k}_mm"))) for k in ("start", "end")}
-        parts = [np.asarray(model.values(self.name, key, (count, 3))) for key, count in _FORMS]
-        return State(np.concatenate(parts).ravel(), ends)
 
 
 def _place(samples: Samples) -> FloatArray:

@@ -16,7 +16,8 @@ class ReflectorCreep(Creep):
     source = "R (t0 + t1 time), three axes of the flange"
     action = "glue or screw the nest; measure one pose again every 20 to 50 poses"
     conditions = ("time", "orientation")
-    moves = (("shift", "mm", 1e-4),)
+    layout = (("line_mm", 3), ("curve_mm", 3))
+    moves = (("shift", 1e-4),)
 
     def basis(self, samples: Samples, setting: Setting) -> Basis:
         """Move the point beyond joint 6 in the course of time."""

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from typing import ClassVar
 
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.gap.data import Arm, Samples
-from postproc.gap.effect import Basis, Effect, Parameter, Setting, State, per_joint, register
-from postproc.model import ModelFile, entry
+from postproc.gap.data import Samples
+from postproc.gap.effect import Basis, Effect, Parameter, Setting, per_joint, register
 
 SEGMENTS = {"column": (0, 1), "upper_arm": (2,), "forearm": (3, 4), "wrist": (5, 6)}
 """Frames whose outgoing piece grows together."""
-_KEYS = (("growth_per_K", 4), ("joint_deg_per_K", 6), ("tilt_deg_per_K", 2))
 
 
 @register
@@ -26,6 +25,8 @@ class ThermalDrift(Effect):
     action = "warm the robot up before precise work, or measure a reference point regularly"
     needs = ("temperature",)
     conditions = ("temperature",)
+    layout = (("growth_per_K", 4), ("joint_deg_per_K", 6), ("tilt_deg_per_K", 2))
+    setting_keys: ClassVar[Mapping[str, str]] = {"reference": "reference_temp_C"}
     parameter_list = (
         *(Parameter(f"growth_{piece}", 1.5e-5, family="growth") for piece in SEGMENTS),
         *per_joint(1e-5),
@@ -50,25 +51,3 @@ class ThermalDrift(Effect):
         for i in range(6):
             joint[:, i, 4 + i] = warm
         return Basis(joint=joint, link=warm[:, None, None, None] * link)
-
-    def write(self, state: State, arm: Arm) -> dict[str, Any]:
-        """Return the rates and the temperature that they count from."""
-        del arm
-        theta = np.nan_to_num(state.theta)
-        table: dict[str, Any] = {"reference_temp_C": state.setting["reference"]}
-        start = 0
-        for key, count in _KEYS:
-            table[key] = entry(key, theta[start : start + count])
-            start += count
-        return table
-
-    def read(self, model: ModelFile, arm: Arm) -> State:
-        """Return rates and reference temperature."""
-        del arm
-        model.require_known(self.name, ["reference_temp_C", *(key for key, _ in _KEYS)])
-        parts = []
-        for key, count in _KEYS:
-            values = model.values(self.name, key, (count,), optional=True)
-            parts.append(np.zeros(count) if values is None else values)
-        reference = float(np.asarray(model.values(self.name, "reference_temp_C")))
-        return State(np.concatenate(parts), {"reference": reference})

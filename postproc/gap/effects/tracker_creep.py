@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from collections.abc import Mapping
+from typing import ClassVar
 
 import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.gap.data import Arm, Samples
-from postproc.gap.effect import Basis, Effect, Kind, Parameter, Setting, State, base_moved, register
-from postproc.model import ModelFile, entry
+from postproc.gap.effect import Basis, Effect, Kind, Parameter, Setting, base_moved, register
 
 _FORMS = ("line", "curve")
 _SETTLING = 4.0
@@ -25,8 +25,9 @@ class Creep(Effect):
 
     kind = Kind.MEASUREMENT
     needs = ("time",)
-    moves: ClassVar[tuple[tuple[str, str, float], ...]]
-    """What moves, the unit of its keys in a file, and the usual way to the end [m, rad]."""
+    setting_keys: ClassVar[Mapping[str, str]] = {"start": "start_s", "length": "length_s"}
+    moves: ClassVar[tuple[tuple[str, float], ...]]
+    """What moves, and the usual way to the end [m, rad]."""
 
     def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
         """Return the way of each axis at the end, for both forms."""
@@ -34,7 +35,7 @@ class Creep(Effect):
         return tuple(
             Parameter(f"{what}_{axis}_{form}", size)
             for form in _FORMS
-            for what, _, size in self.moves
+            for what, size in self.moves
             for axis in "xyz"
         )
 
@@ -50,26 +51,6 @@ class Creep(Effect):
         part = np.clip(part, 0.0, 1.0)
         return np.column_stack([part, 1.0 - np.exp(-_SETTLING * part)])
 
-    def write(self, state: State, arm: Arm) -> dict[str, Any]:
-        """Return the course, and the way of each form along x, y, z."""
-        del arm
-        keys = [f"{form}_{unit}" for form in _FORMS for _, unit, _ in self.moves]
-        ways = np.nan_to_num(state.theta).reshape(-1, 3)
-        return {
-            "start_s": float(state.setting["start"]),
-            "length_s": float(state.setting["length"]),
-            **{key: entry(key, way) for key, way in zip(keys, ways, strict=True)},
-        }
-
-    def read(self, model: ModelFile, arm: Arm) -> State:
-        """Return the course of a table."""
-        del arm
-        keys = [f"{form}_{unit}" for form in _FORMS for _, unit, _ in self.moves]
-        model.require_known(self.name, ["start_s", "length_s", *keys])
-        start, length = (np.asarray(model.values(self.name, k)) for k in ("start_s", "length_s"))
-        ways = [np.asarray(model.values(self.name, key, (3,))) for key in keys]
-        return State(np.concatenate(ways), {"start": float(start), "length": float(length)})
-
 
 @register
 class TrackerCreep(Creep):
@@ -80,7 +61,8 @@ class TrackerCreep(Creep):
     source = "t0 + t1 time, six degrees of freedom"
     action = "measure three fixed nests every 20 to 50 poses, poses in random order"
     conditions = ("time",)
-    moves = (("shift", "mm", 1e-4), ("turn", "deg", 5e-5))
+    layout = tuple((f"{form}_{unit}", 3) for form in _FORMS for unit in ("mm", "deg"))
+    moves = (("shift", 1e-4), ("turn", 5e-5))
 
     def basis(self, samples: Samples, setting: Setting) -> Basis:
         """Move frame 0 in the course of time."""
