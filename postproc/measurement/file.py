@@ -114,10 +114,7 @@ def _filled(
     remarks: list[Remark],
     time: FloatArray | None,
 ) -> FloatArray | None:
-    """Return a column whose empty cells lie between those around, in time where it is known.
-
-    None where most are empty: it was not logged.
-    """
+    """Return a column with empty cells filled from those around, None where most are empty."""
     empty = np.isnan(values)
     if not empty.any():
         return values

@@ -305,10 +305,7 @@ class PathDiagnosis:
 
 
 def _filled(stage: Stage, verdict: Verdict) -> FloatArray:
-    """Return the gap (m, n), where it was not measured as the named effects would have it.
-
-    The curve of an unknown one tells nothing where it was not fitted.
-    """
+    """Return the gap (m, n), where it was not measured as the named effects would have it."""
     good = np.isfinite(stage.gap)
     if good.all():
         return stage.gap

@@ -58,11 +58,7 @@ def _conditions(found: PathDiagnosis) -> list[tuple[str, str, FloatArray]]:
 
 
 def _accounts(rest: FloatArray, values: FloatArray) -> float:
-    """Return the share of the rest (n, 3) that a curve over values (n,) tells of other rows.
-
-    The rows are halved in few long pieces: neighbours in time, which are alike anyhow, prove
-    nothing.
-    """
+    """Return the share of the rest (n, 3) that a curve over values tells of other long pieces."""
     n = len(rest)
     half = (np.arange(n) * PIECES // n) % 2
     order = np.argsort(values, kind="stable")

@@ -201,13 +201,7 @@ def _unexplained(found: Fit) -> float:
 def _weights(
     fits: dict[frozenset[str], Fit], sigma: FloatArray, worth: FloatArray
 ) -> dict[frozenset[str], float]:
-    """Return the posterior probability of each set.
-
-    Args:
-        fits: by the names in the set.
-        sigma: (m,) noise without memory.
-        worth: (m,) rows that are worth an independent one.
-    """
+    """Return the posterior probability of each set, by noise (m,) and rows worth one (m,)."""
     logs = {key: _evidence(found, sigma, worth) for key, found in fits.items()}
     top = max(logs.values())
     weights = {key: float(np.exp(value - top)) for key, value in logs.items()}

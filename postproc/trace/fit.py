@@ -127,10 +127,7 @@ def _means(rest: FloatArray, good: BoolArray) -> FloatArray:
 
 
 def _solved(stage: Stage, thetas: Thetas, sigma: FloatArray, good: BoolArray) -> Fit:
-    """Return one step of Gauss and Newton, with priors of the usual sizes.
-
-    A row weighs by the size of the rest and by how long it lasts, as in the evidence.
-    """
+    """Return a Gauss-Newton step, rows weighed by the size of the rest and how long it lasts."""
     names = list(thetas)
     parts = {name: PATH_EFFECTS.get(name).part(stage, theta) for name, theta in thetas.items()}
     firsts = dict(zip(names, np.cumsum([0, *(len(thetas[n]) for n in names)]), strict=False))

@@ -182,10 +182,7 @@ def _recording(path: str, thinned: Thinned) -> Recording:
 def _stretches(
     time: FloatArray, run: FloatArray, number: FloatArray, good: FloatArray
 ) -> tuple[IndexArray, IndexArray]:
-    """Return the rows whose time rises, and the stretch of each.
-
-    A stretch ends where the run changes, where time restarts, and where cycles are missing.
-    """
+    """Return the rows whose time rises, and the stretch of each: of one run, no cycle missing."""
     rows = np.flatnonzero(good)
     step = np.diff(time[rows])
     rising = step[step > _SAME_TIME]
@@ -213,14 +210,7 @@ def _group(columns: Block, names: Sequence[str], unit: float) -> FloatArray | No
 def _joints(
     columns: Block, names: Sequence[str], stretch: IndexArray, beside: FloatArray | None
 ) -> FloatArray | None:
-    """Return angles (n, 6) [rad] without leaps by whole turns.
-
-    Args:
-        columns: of the file.
-        names: of the angles.
-        stretch: (n,) within which an angle is continuous.
-        beside: (n, 6) angles that these are within half a turn of.
-    """
+    """Return angles (n, 6) [rad] without whole turns in a stretch, within half a turn of others."""
     angles = _group(columns, names, DEG)
     if angles is None:
         return None

@@ -79,10 +79,7 @@ def behind(step: float, values: FloatArray, first: float, second: float) -> Floa
 
 @lru_cache(maxsize=256)
 def _digital(step: float, first: float, second: float) -> tuple[FloatArray, FloatArray]:
-    """Return the filter that is exact for a signal straight between samples.
-
-    The answer to a ramp in partial fractions, ``1/s^2 - first/s + sum(w / (s - r))``, in samples.
-    """
+    """Return the exact filter of a signal straight between samples, by its answer to a ramp."""
     slow = first / step
     if not second > 0.0:
         pole = float(np.exp(-1.0 / slow))

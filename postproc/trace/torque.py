@@ -154,10 +154,7 @@ def torques(found: PathDiagnosis) -> dict[str, Any] | None:
 
 
 def _driven(verdict: Verdict) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return angles, speeds and accelerations (n, 6) of what the named effects make of the command.
-
-    Derivatives of an encoder are noise; those of the set-point come too early where a joint lags.
-    """
+    """Return angles, speeds, accelerations (n, 6) that the named effects make of the command."""
     scene, stage = verdict.stage.scene, verdict.stage
     q = np.array(scene.recording.command)
     if stage.in_joints:
@@ -172,11 +169,7 @@ def _driven(verdict: Verdict) -> tuple[FloatArray, FloatArray, FloatArray]:
 def _rigid(
     cell: Cell, kinematics: Kinematics, q: FloatArray, qd: FloatArray, qdd: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the torque (n, 6) of links and tool, and columns (n, 6, p) of what is not known.
-
-    With inertias these are of ``WEIGHT``; else the torque is 0, and the columns are of mass and
-    first moments of each link.
-    """
+    """Return the torque (n, 6) of links and tool, and columns (n, 6, p) of what is not known."""
 
     def of(tool: Tool) -> FloatArray | None:
         arm = dynamics_of(cell.robot, tool)

@@ -86,10 +86,7 @@ def _notes(inside: Sequence[str], outside: Sequence[str]) -> list[str]:
 def _text(
     cell: Cell, samples: Samples, turn: FloatArray, link: FloatArray, notes: Sequence[str]
 ) -> str:
-    """Return the file: the frames at zero angles, moved, each joint about its axis.
-
-    samples: row 0 is at zero angles.
-    """
+    """Return the file: frames at zero angles (row 0 of samples), moved, joints about their axes."""
     frames, axes = samples.frames[0], samples.axes[0]
     moved = [transform(rotation_from_vector(part[:3]), part[3:]) for part in link]
     R_6_flange = samples.arm.link_constants()[2]

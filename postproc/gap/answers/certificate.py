@@ -111,11 +111,7 @@ def _poses(diagnosis: Diagnosis) -> IntArray:
 
 
 def _iso9283(diagnosis: Diagnosis) -> dict[str, Any]:
-    """Return pose accuracy AP, repeatability RP and drift of AP of poses that were read again.
-
-    Source:
-        ISO 9283:1998, 7.2 (AP_P, RP_l = mean + 3 sd of the distances to their centre) and 7.6.
-    """
+    """Return AP, RP and drift of AP (ISO 9283:1998, 7.2 and 7.6) of poses that were read again."""
     problem, pose = diagnosis.problem, _poses(diagnosis)
     time = problem.samples.time
     found, drift = [], 0.0

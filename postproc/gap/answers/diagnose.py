@@ -75,11 +75,7 @@ def _columns(samples: Samples) -> Iterator[tuple[str, str, FloatArray]]:
 
 
 def _chance(values: FloatArray, bad: BoolArray) -> float:
-    """Return how often values of a set lie so far to one side by chance.
-
-    Ranks of one column (Mann and Whitney), means of several (Hotelling): a mount that a pull
-    opens follows a direction that is no axis.
-    """
+    """Return the chance of a set so far to one side: ranks of a column, means of several."""
     from scipy.special import fdtrc
     from scipy.stats import mannwhitneyu
 

@@ -229,21 +229,12 @@ def _seen_state(diagnosis: Diagnosis, name: str) -> State:
 
 def _adopted(diagnosis: Diagnosis, name: str) -> dict[str, Any]:
     step = next(s for s in diagnosis.steps if s.name == name)
-    effect = effect_of(name)
-    arm = diagnosis.problem.samples.arm
+    effect, arm = effect_of(name), diagnosis.problem.samples.arm
     state = _seen_state(diagnosis, name)
     width = _Z90 * diagnosis.deviation[name]
     low, high = effect.ends(state.theta, width)
     own = diagnosis.name(name)
-    return {
-        "name": name,
-        "title": effect.title,
-        "of": _OF[effect.is_arms],
-        "probability": _probability(diagnosis, name),
-        "adopted": True,
-        "rms_before_mm": _mm(step.before),
-        "rms_after_mm": _mm(step.after),
-        "shrinkage": round(1.0 - step.after / max(step.before, 1e-12), 4),
+    return _entry(diagnosis, name, step.before, step.after) | {
         "shrinkage_ci": [round(v, 4) for v in step.interval],
         "parameters": plain(effect.write(state, arm)),
         "interval_90": {
@@ -270,7 +261,8 @@ def _elsewhere(diagnosis: Diagnosis) -> dict[str, list[dict[str, Any]]]:
     }
 
 
-def _candidate(diagnosis: Diagnosis, name: str, before: float, after: float) -> dict[str, Any]:
+def _entry(diagnosis: Diagnosis, name: str, before: float, after: float) -> dict[str, Any]:
+    """Return what every effect's entry says, 3D rms [m] on rows left out where it is known."""
     effect = effect_of(name)
     known = bool(np.isfinite(before) and np.isfinite(after) and before > 0)
     return {
@@ -278,10 +270,15 @@ def _candidate(diagnosis: Diagnosis, name: str, before: float, after: float) -> 
         "title": effect.title,
         "of": _OF[effect.is_arms],
         "probability": _probability(diagnosis, name),
-        "adopted": False,
+        "adopted": name in diagnosis.adopted,
         "rms_before_mm": _mm(before) if known else None,
         "rms_after_mm": _mm(after) if known else None,
         "shrinkage": round(1.0 - after / before, 4) if known else None,
+    }
+
+
+def _candidate(diagnosis: Diagnosis, name: str, before: float, after: float) -> dict[str, Any]:
+    return _entry(diagnosis, name, before, after) | {
         "shrinkage_ci": None,
         "parameters": {},
         "interval_90": None,

@@ -139,11 +139,7 @@ def _missed(
 
 
 def _spread(before: Diagnosis, first: IntArray, left: FloatArray, promised: float) -> float:
-    """Return the standard deviation of the logarithm of what is measured over what is promised.
-
-    What a point is missed by scatters in both campaigns as it does from point to point, and all of
-    them together as the tracker wanders.
-    """
+    """Return the sd of log(measured / promised): points scatter alone, all as a tracker wanders."""
     level, k = before.level, len(first)
     time = before.problem.samples.course[first]
     together = 0.0

@@ -237,11 +237,7 @@ def _separations(comparisons: list[_Comparison]) -> dict[str, float]:
 
 
 def _worst(diagnosis: Diagnosis, reach: Reach) -> list[NextPose]:
-    """Return the poses with the largest unexplained rest, one a cluster, to be measured again.
-
-    Where the rest follows the approach, or nobody logged it, from both sides: play in the gears is
-    then seen at once.
-    """
+    """Return the poses of the largest unexplained rest, from both sides where play may be it."""
     problem = diagnosis.problem
     size = np.linalg.norm(diagnosis.residual, axis=1) * diagnosis.kept
     _, first = np.unique(problem.split.cluster[np.argsort(-size, kind="stable")], return_index=True)
@@ -268,10 +264,7 @@ def _worst(diagnosis: Diagnosis, reach: Reach) -> list[NextPose]:
 
 
 def _revisits(diagnosis: Diagnosis, reach: Reach) -> list[NextPose]:
-    """Return a few measured poses far from each other, each several times, from one side.
-
-    In turn, so that each reading follows a way; without a load where there was one without.
-    """
+    """Return a few unloaded poses far apart, each several times from one side, in turn."""
     samples = diagnosis.problem.samples
     index = np.flatnonzero(diagnosis.kept)
     if samples.wrench is not None:

@@ -323,13 +323,7 @@ class _Rivals:
 
 
 def _named(truths: Sequence[_Seen], rivals: _Rivals, bench: _Bench) -> Told:
-    """Return the size from which an effect is named, by the rules of a diagnosis.
-
-    Args:
-        truths: the effect, in each setting that it may have.
-        rivals: all candidates.
-        bench: the readings.
-    """
+    """Return the size from which an effect, in each of its settings, is named by a diagnosis."""
     each = max(_DRAWS // len(truths), _FEWEST)
     drawn = [truth.draws(each, bench) for truth in truths]
     rules = [_rule(t, d, rivals) for t, d in zip(truths, drawn, strict=True)]

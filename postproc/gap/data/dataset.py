@@ -254,10 +254,7 @@ def make_samples(arm: Arm, q: FloatArray, **columns: Any) -> Samples:  # noqa: A
 
 
 def _with_past(samples: Samples) -> Samples:
-    """Return the same rows with what earlier loads have left, where loads and time were logged.
-
-    A load has acted since the reading before; each station starts unloaded.
-    """
+    """Return the same rows with what earlier loads have left; each station starts unloaded."""
     time = samples.time
     if time is None or samples.wrench is None:
         return samples

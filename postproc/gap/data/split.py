@@ -77,10 +77,7 @@ def split(samples: Samples, group: tuple[str, ...] | None) -> Split:
 
 
 def _units(samples: Samples) -> IntArray:
-    """Return the number (n,) 0.. of the set-up of each row.
-
-    Each set-up is parted alike, so that none is left out as a whole: its frame would be unknown.
-    """
+    """Return the set-up of each row (n,): each is parted alike, else its frame would be unknown."""
     n = len(samples)
     labels = np.zeros((n, 1)) if samples.set_up is None else samples.set_up
     return np.unique(labels, axis=0, return_inverse=True)[1].reshape(n).astype(np.int32)

@@ -179,11 +179,7 @@ def _left(library: Library, gap: FloatArray) -> FloatArray:
 
 
 def _evidence(library: Library, gap: FloatArray, weight: FloatArray) -> float:
-    """Return the log evidence [nats], of what is the simplest that will do.
-
-    The frames alone, with a give under the loads, or everything: a place that is right needs
-    little beside it, a wrong one much.
-    """
+    """Return the log evidence [nats] of the simplest that will do: a wrong place needs much."""
     frames = [name for name in library if name in registration_effects()]
     give = [name for name in library if effect_of(name).conditions == ("load",)]
     nothing = Projection(np.zeros((len(gap), 3, 0)), gap, weight)

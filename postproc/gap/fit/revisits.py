@@ -334,13 +334,7 @@ def _course(
 
 
 def _refuted(C: FloatArray, data: FloatArray, sigma: float) -> float:
-    """Return the wander [m] from which differences (k, 3) of readings speak against one.
-
-    Args:
-        C: (k, k) correlation that a wander gives the differences.
-        data: differences [m].
-        sigma: white noise [m] that explains them without any; beside a wander it may be less.
-    """
+    """Return the wander [m] that differences (k, 3) refute, of correlation C beside white noise."""
     of_wander, axes = np.linalg.eigh(C)
     square = np.sum((axes.T @ data) ** 2, axis=1)
 

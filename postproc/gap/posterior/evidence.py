@@ -334,11 +334,7 @@ def left_out(equations: Equations, at: Optimum, label: IntArray) -> tuple[float,
 def _without_each(
     A: FloatArray, z: FloatArray, prior: FloatArray, own: IntArray
 ) -> Iterator[tuple[int, FloatArray, FloatArray, FloatArray, FloatArray]]:
-    """Yield each label, its rows of A and z, and the products of all others with the prior.
-
-    Others are summed, never taken from the whole: where only the rows left out see a number, the
-    difference is rounding, which beside a wide prior is no small number.
-    """
+    """Yield each label, its rows of A, z, and products summed over the others, with the prior."""
     labels = np.unique(own).tolist()
     rows = [(A[own == k], z[own == k]) for k in labels]
     products = [(P.T @ P, P.T @ q) for P, q in rows]

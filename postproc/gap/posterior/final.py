@@ -196,10 +196,7 @@ def servings(judged: Judged) -> tuple[tuple[Serving, ...], BoolArray]:
 
 
 def _cautious(judged: Judged, keys: Subset) -> Optimum:
-    """Return a set at its scales, its noise no less than what explains how places are missed.
-
-    Hundreds of numbers lie closer to the rows than they will to others.
-    """
+    """Return a set at its scales, its noise no less than what explains how places are missed."""
     of = judged.posterior
     equations, label = of.search.equations, of.problem.split.fold[of.at.index]
     at = optimum(equations, keys, of.prior, judged.whole)
@@ -208,11 +205,7 @@ def _cautious(judged: Judged, keys: Subset) -> Optimum:
 
 
 def _telling(judged: Judged) -> Subset:
-    """Return the candidates that tell most of the arm, each joint's ripple in one form.
-
-    Where names do not explain the gap, what has none may be imitating what is in no list, and
-    serves no other campaign: only what every arm has is written beside them.
-    """
+    """Return what tells most of the arm: where names do not explain the gap, what all arms have."""
     of = judged.posterior
     named = {k for n in judged.adopted for k in n.keys}
     causes = [k for k in judged.whole.keys if of.candidate(k).sort is Sort.CAUSE]

@@ -61,7 +61,7 @@ _ROUNDS = 6
 class Judged:
     """Names that stand, and what they leave.
 
-    adopted, unnamed; resembled: keys of candidates in the set that are no names; reasons: why
+    adopted; resembled: keys of candidates in the set that are no names; reasons: why
     effects are not adopted, by name; optimum: of names alone, with frames, wander and what is too
     small for a name; structure: 3D rms [m] of what they leave beyond noise; rest: by class; tests;
     sigma: noise [m], where nothing tells it what rows scatter by; elsewhere: by name and design
@@ -72,7 +72,6 @@ class Judged:
     whole: Optimum
     optimum: Optimum
     adopted: tuple[Name, ...]
-    unnamed: tuple[Name, ...]
     resembled: Subset
     reasons: dict[str, str]
     structure: float
@@ -221,7 +220,6 @@ def _left(
         whole,
         alone,
         adopted,
-        unnamed,
         other if beyond > SMALLEST * noise else (),
         reasons,
         structure,
@@ -298,13 +296,7 @@ def _numbered(label: IntArray, word: str) -> Designs:
 def _held(
     of: Posterior, at: Optimum, divisions: Sequence[tuple[Designs, bool]]
 ) -> dict[str, tuple[float, float]]:
-    """Return how each name or class of a set does on rows that it was not fitted to.
-
-    Returns:
-        By name, the least over all divisions of what it brings with its standard error added, and
-        of what it brings without it [nats]: below zero in the first it does harm, above zero in the
-        second it is confirmed.
-    """
+    """Return, by name, what it brings on rows not fitted [nats], its error added and taken off."""
     by_name: dict[str, list[str]] = {}
     for key in at.keys:
         if of.candidate(key).sort not in (Sort.FRAME, Sort.WANDER):

@@ -50,9 +50,8 @@ class Name:
         return effect_of(self.name)
 
 
-def names_of(of: Posterior, at: Optimum | None = None) -> tuple[Name, ...]:
+def names_of(of: Posterior, at: Optimum) -> tuple[Name, ...]:
     """Return the causes of the most probable set, those first that explain most alone."""
-    at = of.best if at is None else at
     search = of.search
     inclusion = search.inclusion()
     by_name: dict[str, list[str]] = {}
@@ -98,10 +97,7 @@ def unique_part(of: Posterior, at: Optimum, keys: Iterable[str]) -> float:
 
 
 def _standing_for(of: Posterior, best: Subset, name: str) -> tuple[tuple[str, ...], str, bool]:
-    """Return the names in sets near the best that lack a name, and a class that stands for it.
-
-    And whether one of them is of the measuring device.
-    """
+    """Return names that stand for one, a class that does, and whether one is a device."""
     search = of.search
     top = search.score(best) if best in search.found else search.score(search.best)
     rest = {of.candidate(k).name for k in best} - {name}

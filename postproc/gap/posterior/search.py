@@ -103,13 +103,7 @@ class Scan:
         return np.asarray(0.5 * (usual - left / variance) - 0.5 * log_volume)
 
     def _brought(self, A: FloatArray, y: FloatArray, quadratic: float) -> FloatArray:
-        """Return what candidates bring at each scale (m, t) [nats].
-
-        Args:
-            A: (m, k, k) products of what is left of their columns, in the noise of the set.
-            y: (m, k) the same with the gap.
-            quadratic: square of the gap in the covariance of what they come to.
-        """
+        """Return what candidates of products A (m, k, k), y (m, k) bring at each scale [nats]."""
         values, vectors = np.linalg.eigh(A)
         values = np.maximum(values, 0.0)[:, None]
         y2 = np.einsum("mkj,mk->mj", vectors, y)[:, None] ** 2
@@ -309,11 +303,7 @@ def climbed(state: Search, here: Subset, without: Subset = ()) -> Subset:
 
 
 def _look_around(state: Search, here: Subset) -> None:
-    """Look at sets with candidates dropped, one exchanged, or one in the place of two.
-
-    What a candidate would bring is told at scales that stay; how far that is off, the dropped ones
-    themselves tell.
-    """
+    """Look at sets with candidates dropped, one exchanged, or one in the place of two."""
     at, top = state.found[here], state.score(here)
     scan, off = state.scan(at), 0.0
     for size in (1, 2):

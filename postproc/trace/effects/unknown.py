@@ -127,10 +127,7 @@ def _creep(scene: Scene) -> FloatArray:
 
 
 def _curve(values: FloatArray, pieces: int) -> FloatArray:
-    """Return cubic splines of (n,) in so many pieces, less the one that the others make a constant.
-
-    One piece: a straight line.
-    """
+    """Return cubic splines of (n,) in pieces, less one that makes a constant; of one, a line."""
     low, high = float(values.min()), float(values.max())
     share = (values - low) / max(high - low, 1e-9)
     if pieces == 1:

@@ -169,11 +169,7 @@ def _acceleration(course: Course) -> FloatArray:
 
 
 def _modes(stage: Stage, clean: FloatArray) -> list[float]:
-    """Return the frequencies [Hz] of the modes that leave least of values (m, n), best first.
-
-    The largest line of a spectrum may be the path's own rhythm; a mode is driven by the path. One
-    stretch tells.
-    """
+    """Return frequencies [Hz] of modes, driven by the path, that leave least of values (m, n)."""
     scene = stage.scene
     drives = list(_drives(stage))
     number = int(np.argmax([part.stop - part.start for part in scene.stretches]))

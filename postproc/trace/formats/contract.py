@@ -91,11 +91,7 @@ def _tags(lines: list[bytes], place: int) -> tuple[list[bytes], FloatArray]:
 def _numbers(
     path: Path, kept: list[bytes], places: list[int], width: int, before: int, lines: list[bytes]
 ) -> FloatArray:
-    """Return the cells of the columns ``places`` as numbers (k, c).
-
-    Raises:
-        DataError: TRC003 with the line of the first cell that is none.
-    """
+    """Return the cells of some columns as numbers (k, c); TRC003 names the first that is none."""
     text = b"\n".join(kept)
     if b",," in text or text.startswith(b",") or b"\n," in text or b",\n" in text + b"\n":
         text = _EMPTY.sub(b"nan", text)
