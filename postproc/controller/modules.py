@@ -9,15 +9,7 @@ from dataclasses import field
 from pathlib import Path
 
 from postproc.errors import KrlError, SourceRef
-from postproc.krl import (
-    Call,
-    Interrupt,
-    KrlModule,
-    Statement,
-    Trigger,
-    parse_module,
-    require_sound,
-)
+from postproc.krl import Call, Interrupt, KrlModule, Statement, Trigger, parse_module, require_sound
 from postproc.records import dataclass
 
 _ROOT = "R1"

@@ -5,13 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Set
 
 from postproc import krl
-from postproc.controller.library import (
-    COMMAND_CHANNEL,
-    QUIET,
-    READING,
-    SILENT,
-    is_still,
-)
+from postproc.controller.library import COMMAND_CHANNEL, QUIET, READING, SILENT, is_still
 
 _MAX_DEPTH = 5
 """Calls within calls that are looked into for whether they do nothing."""

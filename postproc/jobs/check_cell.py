@@ -10,15 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.cell import (
-    Cell,
-    OpwGeometry,
-    Provenance,
-    Tool,
-    Workpiece,
-    cell_toml,
-    missing_numbers,
-)
+from postproc.cell import Cell, OpwGeometry, Provenance, Tool, Workpiece, cell_toml, missing_numbers
 from postproc.collision import OUTLINE_SHARES, Scene, is_measured
 from postproc.emitters import emitter_of
 from postproc.errors import CellError, EmitError, Finding, Severity, SourceRef

@@ -17,15 +17,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.cell import Cell, shared_cell
-from postproc.emitters import (
-    Against,
-    Program,
-    ReadBack,
-    emit,
-    emitter_of,
-    former_parts,
-    read_back,
-)
+from postproc.emitters import Against, Program, ReadBack, emit, emitter_of, former_parts, read_back
 from postproc.errors import CellError, DataError, Finding, PostprocError, Severity, SourceRef, fold
 from postproc.files import remove_files, write_files
 from postproc.jobs.arm_doubts import place_findings, size_findings, warned_doubts

@@ -31,12 +31,7 @@ from postproc.emitters.kuka.forms import FormWriter
 from postproc.emitters.kuka.motion import ANCHOR_PERCENT, PartWriter
 from postproc.emitters.kuka.points import PointStore
 from postproc.emitters.kuka.restart import HoleGuards, Stage
-from postproc.emitters.kuka.setup import (
-    HOOKS_MODULE,
-    SETUP_ENDING,
-    hooks_module,
-    setup_statements,
-)
+from postproc.emitters.kuka.setup import HOOKS_MODULE, SETUP_ENDING, hooks_module, setup_statements
 from postproc.emitters.kuka.template import TemplateSet
 from postproc.errors import EmitError, SourceRef
 from postproc.geometry import kuka_from_transform

@@ -14,15 +14,7 @@ from postproc.krl.rules.expressions import settings_of
 from postproc.krl.rules.part import Part, bas, known_number, number
 from postproc.krl.rules.subject import ERROR, WARNING, Subject
 from postproc.krl.system import components_of, system_variable
-from postproc.krl.text import (
-    Aggregate,
-    Assign,
-    Call,
-    Declaration,
-    Move,
-    Statement,
-    Value,
-)
+from postproc.krl.text import Aggregate, Assign, Call, Declaration, Move, Statement, Value
 
 _INDEX = re.compile(r"\[(\d+)\]")
 _ORIENTATION = ("$VEL.ORI1", "$VEL.ORI2")

@@ -32,13 +32,7 @@ from postproc.readers.csv.columns import (
 )
 from postproc.readers.csv.holes import motion_kinds
 from postproc.readers.csv.orientation import rotations_from, unit_rows
-from postproc.readers.csv.quantities import (
-    Columns,
-    assumptions,
-    check_sizes,
-    in_si,
-    length_unit,
-)
+from postproc.readers.csv.quantities import Columns, assumptions, check_sizes, in_si, length_unit
 from postproc.readers.csv.roles import BY_NAME
 from postproc.readers.csv.rows import (
     doubted,

@@ -34,13 +34,7 @@ from postproc.model import (
 )
 from postproc.readers.base import ReadOptions, distinct, tool_changes
 from postproc.readers.delmia.profiles import Profiles
-from postproc.readers.delmia.records import (
-    N_JOINTS,
-    Document,
-    Motion,
-    Statement,
-    pose,
-)
+from postproc.readers.delmia.records import N_JOINTS, Document, Motion, Statement, pose
 from postproc.readers.delmia.tasks import expanded
 from postproc.readers.delmia.xml import read_document
 from postproc.readers.text import Faults

@@ -9,15 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from postproc.arrays import ROUNDING, FloatArray
-from postproc.model import (
-    CamSetup,
-    CamTool,
-    Cycle,
-    Event,
-    EventKind,
-    MotionKind,
-    Operation,
-)
+from postproc.model import CamSetup, CamTool, Cycle, Event, EventKind, MotionKind, Operation
 from postproc.readers.base import LENGTH_UNITS, ReadOptions
 from postproc.readers.gcode.arcs import ArcRow
 from postproc.readers.gcode.blocks import Block
