@@ -288,37 +288,27 @@ class ExpressionParser:
 
 def _shape(type_name: str, fields: list[tuple[str, Node]]) -> Node:
     """Return a literal where all components are literals, else a structure to be computed."""
-    literal = _literal_shape(type_name, [(name, value) for name, value in fields])
-    return literal if literal is not None else Structure(type_name, tuple(fields))
-
-
-def _literal_shape(type_name: str, fields: list[tuple[str, Node]]) -> Literal | None:
     plain: list[tuple[str, float]] = []
     for name, value in fields:
         if isinstance(value, Reference | FunctionCall | Unary | Binary | Structure):
-            return None
+            return Structure(type_name, tuple(fields))
         if isinstance(value, int | float) and not isinstance(value, bool):
             plain.append((name, value))
     if plain and len(plain) == len(fields):
         shaped = pose_or_axes(type_name, plain)
         if shaped is not None:
             return shaped
-    values = tuple((name, value) for name, value in fields)
-    return Aggregate(values, type_name)  # type: ignore[arg-type]  # no node is left among them
+    return Aggregate(tuple(fields), type_name)  # type: ignore[arg-type]  # no node is left among them
 
 
 def as_value(node: Node, text: str) -> Value:
     """Return a node as the program type holds it: literals as they are, the rest as text."""
     if isinstance(node, Structure):
-        return Aggregate(tuple(_field(item) for item in node.fields), node.type_name)
+        parts = tuple((name, as_value(part, unparse(part))) for name, part in node.fields)
+        return Aggregate(parts, node.type_name)
     if isinstance(node, Reference | FunctionCall | Unary | Binary):
         return Expr(" ".join(text.split()))
     return node
-
-
-def _field(item: tuple[str, Node]) -> tuple[str, Value]:
-    name, node = item
-    return name, as_value(node, unparse(node))
 
 
 def unparse(node: Node) -> str:
