@@ -140,7 +140,9 @@ class PartWriter:
                     self._form(index)
                 else:
                     self._motion(index)
-            self._after(end - 1)
+            dwell = self.table.dwell_s[end - 1]
+            if dwell > 0.0:
+                self.out += self.events.dwell(dwell, self.table.line[end - 1])
             index = end
 
     # ------------------------------------------------------------------ around the motions
@@ -155,11 +157,6 @@ class PartWriter:
         if self._done[0] == index:
             events = events[self._done[1] :]
         self._write(events, index)
-
-    def _after(self, index: int) -> None:
-        dwell = self.table.dwell_s[index]
-        if dwell > 0.0:
-            self.out += self.events.dwell(dwell, self.table.line[index])
 
     def _operation_of(self, index: int) -> None:
         operation = self.table.operation[index]
@@ -258,8 +255,7 @@ class PartWriter:
         else:
             self._speed(self.table.speed_m_s[index])
             self._orientation(self.table.orientation_deg_s[index])
-        blend = self._blend(index)
-        self._move(index, blend)
+        self._move(index, self._blend(index))
 
     def _move(
         self, index: int, blend: tuple[str, ...] = (), settings: tuple[krl.Assign, ...] = ()
@@ -269,20 +265,10 @@ class PartWriter:
         kind, aux = table.kind[index], table.auxiliary[index]
         auxiliary = None if aux is None else self._target(index, _pose(aux, table.external[index]))
         target = self._axes(index) if kind == _PTP else self._pose(index)
-        if self._pending:
-            self.out += self._pending
-            self._pending.clear()
-        self.out.append(
-            krl.Move(
-                self._words[kind],
-                self._target(index, target),
-                auxiliary,
-                None,
-                blend,
-                settings,
-                comment=self._cam_line(index),
-            )
-        )
+        word, goal, comment = self._words[kind], self._target(index, target), self._cam_line(index)
+        self.out += self._pending
+        self._pending.clear()
+        self.out.append(krl.Move(word, goal, auxiliary, None, blend, settings, comment=comment))
 
     def _home(self, index: int) -> None:
         """Write a motion to the controller's home, which ends exactly."""
