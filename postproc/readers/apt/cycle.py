@@ -11,13 +11,7 @@ from math import isnan, nan, radians
 from postproc.model import ORIENT, Cycle, CycleKind, WordClass
 from postproc.readers.apt.cycletext import Found, is_catia_order, is_hsm_order, parameters
 from postproc.readers.apt.dialect import CycleGrammar, CycleRule
-from postproc.readers.apt.heights import (
-    LEFT,
-    READINGS,
-    ByTurns,
-    Heights,
-    with_levels,
-)
+from postproc.readers.apt.heights import LEFT, READINGS, ByTurns, Heights, with_levels
 from postproc.readers.apt.state import AptState
 from postproc.readers.apt.statement import Statement, bounded
 from postproc.readers.base import DEFAULT_CLEARANCE
@@ -316,3 +310,8 @@ def _levelled(state: AptState, cycle: Cycle, heights: Heights) -> Cycle:
     if (feed < 0.0 or ends < 0.0) and proven:
         raise state.error("APT048", "a drill cycle whose heights lie below the hole")
     return with_levels(cycle, feed, ends)
+
+
+def call_statement(state: AptState, statement: Statement) -> None:
+    """Handle MCALL: alone it ends a Siemens cycle that was called with MCALL."""
+    state.cycle.set(state.at, -1)

@@ -225,3 +225,16 @@ def _last_feed(state: AptState) -> str:
     if isnan(state.feed.value):
         return "no feed was given before"
     return f"the last one was {state.feed.value / MM_PER_MIN:g} mm/min"
+
+
+def dwell_statement(state: AptState, statement: Statement) -> None:
+    """Handle DELAY/seconds, DELAY/n,REV in turns of the spindle."""
+    numbers = [value for value in statement.numbers() if value is not None]
+    if not numbers or numbers[0] < 0.0:
+        raise state.error("APT072", "DELAY without a time")
+    seconds = numbers[0]
+    if "REV" in statement.upper:
+        if not state.spindle > 0.0:
+            raise state.faults.error("APT072", "DELAY in turns without a spindle speed", state.line)
+        seconds /= state.spindle
+    state.add_event(EventKind.DWELL, seconds)

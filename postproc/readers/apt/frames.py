@@ -7,6 +7,7 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.geometry import rotation_x, rotation_y, rotation_z
 from postproc.model import CamSetup, WordClass
+from postproc.readers.apt.refused import refuse
 from postproc.readers.apt.setup import ROW, rotation
 from postproc.readers.apt.state import AptState
 from postproc.readers.apt.statement import Statement, bounded
@@ -134,9 +135,15 @@ def tool_axis_statement(state: AptState, statement: Statement) -> None:
 def table_statement(state: AptState, statement: Statement) -> None:
     """Handle ROTABL/angle,AAXIS,TABLE,CCLW: radians that tilt the setup plane (CAMWorks).
 
+    ROTATE, and ROTABL of others, turns a machine's table.
+
     Raises:
         ReadError: APT060 if it is written otherwise.
     """
+    if not (state.dialect.setup_plane and statement.word == "ROTABL"):
+        reason = "turns a table that the robot does not have"
+        refuse(state, statement, WordClass.COORDINATES, reason)
+        return
     words = statement.upper
     angle = bounded(words[0]) if words else None
     turn = {"AAXIS": rotation_x, "BAXIS": rotation_y, "CAXIS": rotation_z}.get(
@@ -147,6 +154,19 @@ def table_statement(state: AptState, statement: Statement) -> None:
     sign = -1.0 if "CLW" in words[2:] else 1.0
     state.table.rotate(turn(sign * _unrounded(angle)), state.line)
     state.set_frame(state.table.R, np.zeros(3))
+
+
+def multax_statement(state: AptState, statement: Statement) -> None:
+    """Handle MULTAX: a GOTO shows how many numbers it has; OFF may say where the axis is."""
+    if "OFF" in statement.upper and state.dialect.off_is_upright:
+        state.set_axis(0.0, 0.0, 1.0)
+
+
+def translate_statement(state: AptState, statement: Statement) -> None:
+    """Handle TRANS/x,y,z: a shift of the points by the postprocessor."""
+    if any(statement.numbers()) or None in statement.numbers() or not statement.args:
+        reason = "a shift of the points that this reader does not know to be made already or not"
+        refuse(state, statement, WordClass.COORDINATES, reason)
 
 
 def untilt(state: AptState) -> None:

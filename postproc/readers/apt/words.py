@@ -37,18 +37,7 @@ _MODES = {
 }
 _TOOL_NAMES = ("solidworks", "camworks")
 """Seats that write the name of the coming tool as INSERT."""
-_NO_NAMES = (
-    "ADJUST",
-    "LENGTH",
-    "OSETNO",
-    "OFFSET",
-    "IN",
-    "OUT",
-    "AUTO",
-    "MANUAL",
-    "NEXTTL",
-    "SPINDL",
-)
+_NO_NAMES = re.compile(r"ADJUST|LENGTH|OSETNO|OFFSET|IN|OUT|AUTO|MANUAL|NEXTTL|SPINDL")
 """Minor words of a tool change, which are no names of tools."""
 _QUOTED = re.compile(r"'([^']*)'")
 _CODE = re.compile(r"[/'\"\s]*(?:N\s*\d+\s*)?[GMTSF#]\s*\d", re.IGNORECASE)
@@ -123,14 +112,6 @@ def unit_name(word: str) -> str | None:
     return next((name for name, size in LENGTH_UNITS.items() if size == factor), None)
 
 
-def _table(state: AptState, statement: Statement) -> None:
-    """ROTABL, ROTATE: a machine's table turns; only CAMWorks writes points in its plane."""
-    if state.dialect.setup_plane and statement.word == "ROTABL":
-        apt_frames.table_statement(state, statement)
-        return
-    refuse(state, statement, WordClass.COORDINATES, "turns a table that the robot does not have")
-
-
 def _mode(state: AptState, statement: Statement) -> None:
     """MODE/MILL says what the file is for; other modes change points, axes or the process."""
     mode = statement.upper[0] if statement.upper else ""
@@ -141,24 +122,6 @@ def _mode(state: AptState, statement: Statement) -> None:
     reason = _MODES.get(mode, "a mode in no table")
     kind = WordClass.PROCESS if lathe else WordClass.COORDINATES
     refuse(state, statement, kind, reason, mode)
-
-
-def _translate(state: AptState, statement: Statement) -> None:
-    """TRANS/x,y,z: a shift of the points by the postprocessor."""
-    if any(statement.numbers()) or None in statement.numbers() or not statement.args:
-        reason = "a shift of the points that this reader does not know to be made already or not"
-        refuse(state, statement, WordClass.COORDINATES, reason)
-
-
-def _multax(state: AptState, statement: Statement) -> None:
-    """MULTAX: how many numbers a GOTO has shows at the GOTO; OFF may say where the axis is."""
-    if "OFF" in statement.upper and state.dialect.off_is_upright:
-        state.set_axis(0.0, 0.0, 1.0)
-
-
-def _cycle_call(state: AptState, statement: Statement) -> None:
-    """MCALL alone ends a Siemens cycle that was called with MCALL."""
-    state.cycle.set(state.at, -1)
 
 
 def _load(state: AptState, statement: Statement) -> None:
@@ -192,7 +155,7 @@ def _tool_called(state: AptState, statement: Statement) -> dict[str, float | str
         return {"number": int(number)}
     quoted = _QUOTED.search(statement.text) if args and args[0].startswith("'") else None
     name = quoted[1].strip() if quoted else args[0] if args else ""
-    is_name = quoted is not None or name.upper() not in _NO_NAMES
+    is_name = quoted is not None or not _NO_NAMES.fullmatch(name.upper())
     if number is not None or statement.word not in ("LOAD", "LOADTL") or not (name and is_name):
         raise state.error("APT070", "a tool change without a tool number or name")
     return {"name": name}
@@ -297,19 +260,6 @@ def _coolant(state: AptState, statement: Statement) -> None:
     state.add_event(kind, 0.0, ",".join(statement.upper))
 
 
-def _dwell(state: AptState, statement: Statement) -> None:
-    """DELAY/seconds; DELAY/n,REV in turns of the spindle."""
-    numbers = [value for value in statement.numbers() if value is not None]
-    if not numbers or numbers[0] < 0.0:
-        raise state.error("APT072", "DELAY without a time")
-    seconds = numbers[0]
-    if "REV" in statement.upper:
-        if not state.spindle > 0.0:
-            raise state.faults.error("APT072", "DELAY in turns without a spindle speed", state.line)
-        seconds /= state.spindle
-    state.add_event(EventKind.DWELL, seconds)
-
-
 def _compensation(state: AptState, statement: Statement) -> None:
     """CUTCOM: a control would shift the path by the tool radius; a robot has to be told no."""
     words = statement.upper
@@ -402,55 +352,41 @@ def _end(state: AptState, statement: Statement) -> None:
         state.first_fini = state.first_fini or state.line
 
 
-_HANDLERS: dict[str, Handler] = {
-    "FEDRAT": apt_feed.feed_statement,
-    "CYCLE": apt_cycle.cycle_statement,
-    "CYCLE81": apt_cycle.siemens_statement,
-    "CYCLE82": apt_cycle.siemens_statement,
-    "CYCLE83": apt_cycle.siemens_statement,
-    "MCALL": _cycle_call,
-    "SPINDL": apt_feed.spindle_statement,
-    "COOLNT": _coolant,
-    "UNITS": _units,
-    "UNIT": _units,
-    "LOAD": _load,
-    "LOADTL": _load,
-    "TOOLNO": _load,
-    "TOOL": _load,
-    "TURRET": _load,
-    "CUTTER": _cutter,
-    "TLDATA": _tool_data,
-    "TOOL PATH": _tool_path,
-    "INSERT": _insert,
-    "PARTNO": _text,
-    "PPRINT": _text,
-    "TPRINT": _text,
-    "DELAY": _dwell,
-    "STOP": _text,
-    "OPSTOP": _text,
-    "CUTCOM": _compensation,
-    "FROM": _from,
-    "GOHOME": _go_home,
-    "OPNAME": _named_operation,
-    "MSYS": apt_frames.msys_statement,
-    "CSYS": apt_frames.csys_statement,
-    "ORIGIN": apt_frames.origin_statement,
-    "MCSYS": apt_frames.mcsys_statement,
-    "MCS": apt_frames.mcs_statement,
-    "MCS2": apt_frames.mcs_statement,
-    "ZERO": apt_frames.zero_statement,
-    "TLAXIS": apt_frames.tool_axis_statement,
-    "ROTABL": _table,
-    "ROTATE": _table,
-    "MODE": _mode,
-    "TRANS": _translate,
-    "MULTAX": _multax,
-    "OPFEATSTART": _operation,
-    "SETUP": _setup,
-    "NURBS": apt_nurbs.open_spline,
-    "KNOT": apt_nurbs.knot_statement,
-    "CNTRL": apt_nurbs.control_statement,
-    "FINI": _end,
-    "END": _end,
-    "END-OF-PATH": _end,
+_WORDS: dict[Handler, tuple[str, ...]] = {
+    apt_feed.feed_statement: ("FEDRAT",),
+    apt_cycle.cycle_statement: ("CYCLE",),
+    apt_cycle.siemens_statement: ("CYCLE81", "CYCLE82", "CYCLE83"),
+    apt_cycle.call_statement: ("MCALL",),
+    apt_feed.spindle_statement: ("SPINDL",),
+    _coolant: ("COOLNT",),
+    _units: ("UNITS", "UNIT"),
+    _load: ("LOAD", "LOADTL", "TOOLNO", "TOOL", "TURRET"),
+    _cutter: ("CUTTER",),
+    _tool_data: ("TLDATA",),
+    _tool_path: ("TOOL PATH",),
+    _insert: ("INSERT",),
+    _text: ("PARTNO", "PPRINT", "TPRINT", "STOP", "OPSTOP"),
+    apt_feed.dwell_statement: ("DELAY",),
+    _compensation: ("CUTCOM",),
+    _from: ("FROM",),
+    _go_home: ("GOHOME",),
+    _named_operation: ("OPNAME",),
+    apt_frames.msys_statement: ("MSYS",),
+    apt_frames.csys_statement: ("CSYS",),
+    apt_frames.origin_statement: ("ORIGIN",),
+    apt_frames.mcsys_statement: ("MCSYS",),
+    apt_frames.mcs_statement: ("MCS", "MCS2"),
+    apt_frames.zero_statement: ("ZERO",),
+    apt_frames.tool_axis_statement: ("TLAXIS",),
+    apt_frames.table_statement: ("ROTABL", "ROTATE"),
+    _mode: ("MODE",),
+    apt_frames.translate_statement: ("TRANS",),
+    apt_frames.multax_statement: ("MULTAX",),
+    _operation: ("OPFEATSTART",),
+    _setup: ("SETUP",),
+    apt_nurbs.open_spline: ("NURBS",),
+    apt_nurbs.knot_statement: ("KNOT",),
+    apt_nurbs.control_statement: ("CNTRL",),
+    _end: ("FINI", "END", "END-OF-PATH"),
 }
+_HANDLERS = {word: handler for handler, words in _WORDS.items() for word in words}
