@@ -47,6 +47,7 @@ _STATEMENTS = {
     "DelayActivity": "delay",
 }
 _SIGNAL_VALUES = {"on": 1, "true": 1, "1": 1, "off": 0, "false": 0, "0": 0}
+_XYZ, _RPY = ("X", "Y", "Z"), ("Roll", "Pitch", "Yaw")
 _TAGS = ("GeneralInfo", "ToolProfileList", "MotionProfileList", "AccuracyProfileList",
          "ObjectFrameProfileList", "Activity", "ActivityList", "Resource")  # fmt: skip
 
@@ -224,8 +225,8 @@ class _ElementReader:
             frame = profile.find("ObjectFrame")
             if frame is None:
                 raise self._missing("ObjectFrame", profile)
-            xyz = self._xyz(self._child(frame, "ObjectFramePosition"))
-            rpy = self._rpy(self._child(frame, "ObjectFrameOrientation"))
+            xyz = self._three(self._child(frame, "ObjectFramePosition"), Dimension.LENGTH, _XYZ)
+            rpy = self._three(self._child(frame, "ObjectFrameOrientation"), Dimension.ANGLE, _RPY)
             reference = frame.get("ReferenceFrame", "World")
             self._robot.objects[_text(profile.find("Name"))] = (reference, pose(xyz, rpy))
 
@@ -280,29 +281,25 @@ class _ElementReader:
         line = _line(element)
         if kind == "delay":
             start, end = (self._given(element, name) for name in ("StartTime", "EndTime"))
-            if end is None:
-                raise self._missing("EndTime", element)
             seconds = self._number(end, element) - self._number(start or "0", element)
             if seconds < 0.0:
                 raise self._faults.error("DEL004", "a delay that ends before it begins", line)
             return Statement(line, kind, value=seconds)
         name, value = (self._given(element, key) for key in ("SignalName", "SignalValue"))
-        if not name or value is None:
-            raise self._missing("SignalName" if not name else "SignalValue", element)
-        known = _SIGNAL_VALUES.get(value.strip().lower())
+        known = _SIGNAL_VALUES.get(value.lower())
         if known is None:
             raise self._faults.error("DEL004", "SignalValue needs On or Off, not", line, value[:20])
         port = self._number(self._given(element, "PortNumber") or "0", element)
         return Statement(line, kind, name, int(port), float(known))
 
-    def _given(self, element: etree._Element, name: str) -> str | None:
-        """Return what an activity says about something, as an attribute or as an element."""
+    def _given(self, element: etree._Element, name: str) -> str:
+        """Return what an activity says about something, as an attribute or an element, else ""."""
         for node in element.iter():
             if name in node.attrib:
                 return str(node.attrib[name]).strip()
             if node.tag == name:
                 return _text(node)
-        return None
+        return ""
 
     def _motion(self, element: etree._Element, target: etree._Element) -> Motion:
         listed = element.find("MotionAttributes")
@@ -314,8 +311,8 @@ class _ElementReader:
         tag = group = ""
         cartesian = target.find("CartesianTarget")
         if cartesian is not None:
-            xyz = self._xyz(self._child(cartesian, "Position"))
-            rpy = self._rpy(self._child(cartesian, "Orientation"))
+            xyz = self._three(self._child(cartesian, "Position"), Dimension.LENGTH, _XYZ)
+            rpy = self._three(self._child(cartesian, "Orientation"), Dimension.ANGLE, _RPY)
             named = cartesian.find("Tag")
             if named is not None:
                 tag, group = _text(named), named.get("TagGroup", "")
@@ -337,14 +334,12 @@ class _ElementReader:
 
     def _base(self, element: etree._Element) -> tuple[float, ...]:
         """Return the robot's base in the world; it is the same for most targets."""
-        position, orientation = (
-            self._child(element, "Position"),
-            self._child(element, "Orientation"),
-        )
-        key = (*position.attrib.values(), *orientation.attrib.values())
+        position, turn = self._child(element, "Position"), self._child(element, "Orientation")
+        key = (*position.attrib.values(), *turn.attrib.values())
         known = self._bases.get(key)
         if known is None:
-            known = self._bases[key] = (*self._xyz(position), *self._rpy(orientation))
+            xyz = self._three(position, Dimension.LENGTH, _XYZ)
+            known = self._bases[key] = (*xyz, *self._three(turn, Dimension.ANGLE, _RPY))
         return known
 
     def _joints(
@@ -367,19 +362,12 @@ class _ElementReader:
             found[int(number)] = value * self._unit(joint, Dimension.ANGLE, Dimension.LENGTH)
         return tuple(found.get(i, NAN) for i in range(1, N_JOINTS + 1))
 
-    def _xyz(self, element: etree._Element) -> tuple[float, float, float]:
-        unit, get = self._unit(element, Dimension.LENGTH), element.get
-        x = self._number(get("X", ""), element)
-        y = self._number(get("Y", ""), element)
-        z = self._number(get("Z", ""), element)
-        return x * unit, y * unit, z * unit
-
-    def _rpy(self, element: etree._Element) -> tuple[float, float, float]:
-        unit, get = self._unit(element, Dimension.ANGLE), element.get
-        roll = self._number(get("Roll", ""), element)
-        pitch = self._number(get("Pitch", ""), element)
-        yaw = self._number(get("Yaw", ""), element)
-        return roll * unit, pitch * unit, yaw * unit
+    def _three(
+        self, element: etree._Element, dimension: Dimension, names: tuple[str, str, str]
+    ) -> tuple[float, float, float]:
+        unit = self._unit(element, dimension)
+        a, b, c = (self._number(element.get(name, ""), element) for name in names)
+        return a * unit, b * unit, c * unit
 
     def _number(self, text: str, element: etree._Element) -> float:
         value = parse_number(text)
