@@ -76,9 +76,7 @@ class Cause:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the entry of the JSON document."""
-        changes = [
-            {"path": list(location), "value": value} for location, value in self.changes.items()
-        ]
+        changes = [{"path": [*at], "value": value} for at, value in self.changes.items()]
         names = [name for name in self.__slots__ if name != "changes"]
         return {**{name: getattr(self, name) for name in names}, "changes": changes}
 
@@ -108,9 +106,7 @@ def causes(
     }
     if not failing:
         return ()
-    job = _Job(
-        toolpath, cell, failing, read, converts, progress or (lambda done, total, what: None)
-    )
+    job = _Job(toolpath, cell, failing, read, converts, progress)
     ways = Counter[str]()
     try:
         for found in job.single():
@@ -138,10 +134,11 @@ class _Job:
         failing: Mapping[int, str],
         read: Read,
         converts: Good,
-        report: Progress,
+        report: Progress | None,
     ) -> None:
         self._path, self._cell, self._codes, self._read = toolpath, cell, failing, read
-        self._converts, self._report, self._tried = converts, report, 0
+        self._converts, self._tried = converts, 0
+        self._report = report or (lambda done, total, what: None)
         self._tags = np.array(sorted(failing))
         self._most = 2 * len(failing) > len(toolpath)
         self._hard = self._tags[:0]
@@ -150,10 +147,8 @@ class _Job:
         self._rules = list(cures.rules(cell, names))
         self._hits = "PLN104" in failing.values()
         self._fixtures = list(cures.fixtures(cell))
-        self._of_tools, self._of_parts = (
-            list(cures.tool_solids(cell)),
-            list(cures.part_solids(cell)),
-        )
+        self._of_tools = list(cures.tool_solids(cell))
+        self._of_parts = list(cures.part_solids(cell))
         self._solids = [*self._fixtures, *self._of_parts, *self._of_tools]
 
     # ---- what is asked --------------------------------------------------------------------------
@@ -324,11 +319,8 @@ class _Job:
         place, lost = self._placed(things)
         # converted is what is told, which is rounded
         here = self._cell if place is None else place[0].at(place[0].rounded(place[1]))
-        needed = (
-            self._needed(things, here)
-            if place or self.feasible(cures.without(things, here))
-            else []
-        )
+        served = place is not None or self.feasible(cures.without(things, here))
+        needed = self._needed(things, here) if served else []
         found: list[tuple[Cure, float]] = [] if place is None else [place]
         which, start = [] if place is None else [lost], here
         for k, thing in enumerate(needed):
@@ -385,9 +377,8 @@ class _Job:
         reason, head = self._head(tags)
         remedy, amount = cure.words(value), cure.amount(value)
         text = f"{head}: {cure.blame}; {remedy} and {who} can be run"
-        changes = cell_changes(self._cell, there or cure.at(value))
         told = (len(tags), reason, cure.blame, remedy, amount, cure.unit, text)
-        return Cause(*told, proven=True, changes=changes)
+        return Cause(*told, True, cell_changes(self._cell, there or cure.at(value)))
 
     def _head(self, tags: IndexArray) -> tuple[str, str]:
         reason = Counter(self._codes[int(tag)] for tag in tags).most_common(1)[0][0]
