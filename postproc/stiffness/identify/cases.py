@@ -76,6 +76,21 @@ class LoadCases:
         picked = {name: getattr(self, name)[index] for name in names}
         return replace(self, **picked, ids=tuple(self.ids[i] for i in index))
 
+    def spread(self, count: int) -> IntArray:
+        """Return one case per posture, at most ``count``, each farthest from those before it."""
+        _, first = np.unique(self.posture, return_index=True)
+        first = np.sort(first)
+        if len(first) <= count:
+            return np.asarray(first)
+        points = self.q[first] / np.maximum(self.q[first].std(axis=0), 1e-3)
+        distance = np.sum((points - points.mean(axis=0)) ** 2, axis=1)
+        chosen = []
+        for _ in range(count):
+            chosen.append(int(np.argmax(distance)))
+            distance = np.minimum(distance, np.sum((points - points[chosen[-1]]) ** 2, axis=1))
+            distance[chosen[-1]] = -1.0
+        return np.asarray(first[np.sort(chosen)])
+
     def error(self, c_joint: FloatArray) -> FloatArray:
         """Return measured minus predicted displacement (n, 3) [m] of the whole load, unscaled.
 

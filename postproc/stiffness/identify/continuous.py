@@ -117,7 +117,8 @@ def fit_continuous(
         hyper: kernel and noise; None: found from the data.
     """
     seen = constant.observability.seen
-    current = hyper or _start(cases, constant)
+    noise = cases.floor.sigma if cases.floor else 0.3 * constant.sigma
+    current = hyper or Hyper(np.ones(6), 0.3, max(noise, FINEST), 1.0, 0.3)
     for _ in range(_ROUNDS_SEEN):
         fit = _fit_seen(cases, constant, seen, current, search=hyper is None)
         current = fit.hyper
@@ -132,19 +133,21 @@ def _fit_seen(
     cases: LoadCases, constant: ConstantFit, seen: BoolArray, current: Hyper, search: bool
 ) -> ContinuousFit:
     c0 = constant.centre[seen]
-    centres = cases.q[_spread(cases.q, cases.posture, NODES)]
+    centres = cases.q[cases.spread(NODES)]
     subset = cases.rows(_subset(cases))
+    nodes = subset.q[subset.spread(len(subset))]
     log_ratio = np.zeros((len(subset), int(seen.sum())))
     for _ in range(_ROUNDS if search else 0):
         current = _maximise(subset, c0, seen, log_ratio, current, cases)
-        part = _Fit(subset, c0, seen, _Features.over(subset.q, _nodes_of(subset), current))
+        part = _Fit(subset, c0, seen, _Features.over(subset.q, nodes, current))
         log_ratio = part.solve(np.ones(len(subset)))[0]
     fit = _Fit(cases, c0, seen, _Features.over(cases.q, centres, current))
     weight = np.ones(len(cases))
     v: FloatArray | None = None
     for _ in range(2):
         ratio, v = fit.solve(weight, v)
-        weight = _huber(cases, c0, seen, ratio)
+        left = cases.d - np.einsum("nij,nj->ni", cases.A[:, :, seen] * c0, np.exp(ratio))
+        weight = huber_weight(np.linalg.norm(left, axis=1))
     _, v = fit.solve(weight, v)
     covariance = fit.covariance(v, weight)
     return ContinuousFit(fit.field(v), current, weight, covariance, fit.features, seen)
@@ -270,11 +273,6 @@ class _Fit:
         return self.features.field(v, self.c0, self.seen)
 
 
-def _start(cases: LoadCases, constant: ConstantFit) -> Hyper:
-    sigma = cases.floor.sigma if cases.floor else 0.3 * constant.sigma
-    return Hyper(np.ones(6), 0.3, max(sigma, FINEST), 1.0, 0.3)
-
-
 def _maximise(
     cases: LoadCases,
     c0: FloatArray,
@@ -294,7 +292,8 @@ def _maximise(
 
     noise_range = (-0.7, 0.7) if known else (-4.0, 4.0)
     bounds = [_LOG_LENGTH] * 7 + [_LOG_AMPLITUDE] * 2 + [noise_range]
-    guess = _logarithms(start, unit)
+    rest = [start.own_length, start.amplitude, start.own_amplitude, start.sigma / unit]
+    guess = np.log([*start.lengths, *rest])
     found = minimize(
         objective, guess, method="L-BFGS-B", jac=True, bounds=bounds, options={"maxiter": 30}
     )
@@ -306,12 +305,6 @@ def _hyper(theta: FloatArray, unit: float) -> Hyper:
     own_length, amplitude, own_amplitude, sigma = np.exp(theta[6:]).tolist()
     lengths = np.exp(theta[:6])
     return Hyper(lengths, amplitude, max(unit * sigma, FINEST), own_length, own_amplitude)
-
-
-def _logarithms(hyper: Hyper, unit: float) -> FloatArray:
-    """Return the logarithms (10,) of the hyper-parameters, noise in ``unit`` [m]."""
-    rest = [hyper.own_length, hyper.amplitude, hyper.own_amplitude, hyper.sigma / unit]
-    return np.log([*hyper.lengths, *rest])
 
 
 @dataclass(frozen=True, slots=True)
@@ -395,34 +388,8 @@ class _Linear:
         return np.asarray(np.linalg.cholesky(S)), self.y.reshape(-1) / hyper.sigma, own + K
 
 
-def _huber(cases: LoadCases, c0: FloatArray, seen: BoolArray, log_ratio: FloatArray) -> FloatArray:
-    left = cases.d - np.einsum("nij,nj->ni", cases.A[:, :, seen] * c0, np.exp(log_ratio))
-    return huber_weight(np.linalg.norm(left, axis=1))
-
-
 def _subset(cases: LoadCases) -> IntArray:
     """Return cases of spread-out postures, all loads of a posture together."""
     per_posture = max(len(cases) / len(np.unique(cases.posture)), 1.0)
-    rows = _spread(cases.q, cases.posture, max(int(SUBSET / per_posture), 8))
+    rows = cases.spread(max(int(SUBSET / per_posture), 8))
     return np.asarray(np.flatnonzero(np.isin(cases.posture, cases.posture[rows])))
-
-
-def _nodes_of(cases: LoadCases) -> FloatArray:
-    _, first = np.unique(cases.posture, return_index=True)
-    return cases.q[np.sort(first)]
-
-
-def _spread(q: FloatArray, posture: IntArray, count: int) -> IntArray:
-    """Return one row per posture, at most ``count``, each farthest from those before it."""
-    _, first = np.unique(posture, return_index=True)
-    first = np.sort(first)
-    if len(first) <= count:
-        return np.asarray(first)
-    points = q[first] / np.maximum(q[first].std(axis=0), 1e-3)
-    distance = np.sum((points - points.mean(axis=0)) ** 2, axis=1)
-    chosen = []
-    for _ in range(count):
-        chosen.append(int(np.argmax(distance)))
-        distance = np.minimum(distance, np.sum((points - points[chosen[-1]]) ** 2, axis=1))
-        distance[chosen[-1]] = -1.0
-    return np.asarray(first[np.sort(chosen)])
