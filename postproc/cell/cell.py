@@ -4,47 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import field, replace
-from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from postproc.arrays import AnyIntArray, FloatArray, frozen_floats
-from postproc.cell.choices import (
-    RobotSolids,
-)
-from postproc.cell.schema import (
-    Instrument,
-    KrlOptions,
-    Limits,
-    Motion,
-    Optimize,
-    Process,
-    Reading,
-)
+from postproc.cell.choices import Origin, Provenance, RobotSolids
+from postproc.cell.schema import Instrument, KrlOptions, Limits, Motion, Optimize, Process, Reading
 from postproc.errors import CellError, SourceRef
 from postproc.records import dataclass
 from postproc.units import STANDARD_GRAVITY
-
-
-class Provenance(StrEnum):
-    """How far a number can be trusted."""
-
-    DATASHEET = "datasheet"
-    PUBLISHED = "published"
-    MEASURED = "measured"
-    USER = "user"
-    ASSUMED = "assumed"
-
-
-@dataclass(frozen=True, slots=True)
-class Origin:
-    """Where a number comes from: kind, source in words, trust (A to C where it was weighed)."""
-
-    provenance: Provenance
-    source: str = ""
-    trust: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,8 +1,10 @@
-"""What a key of the cell can be set to, where it is one of a few words."""
+"""What a key of the cell can be set to, where it is one of a few words, and who has said it."""
 
 from __future__ import annotations
 
 from enum import StrEnum, auto
+
+from postproc.records import dataclass
 
 
 class Index(StrEnum):
@@ -114,3 +116,22 @@ class Split(StrEnum):
 
     POINTS = auto()
     OPERATIONS = auto()
+
+
+class Provenance(StrEnum):
+    """How far a number can be trusted."""
+
+    DATASHEET = "datasheet"
+    PUBLISHED = "published"
+    MEASURED = "measured"
+    USER = "user"
+    ASSUMED = "assumed"
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """Where a number comes from: kind, source in words, trust (A to C where it was weighed)."""
+
+    provenance: Provenance
+    source: str = ""
+    trust: str = ""

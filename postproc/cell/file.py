@@ -11,16 +11,8 @@ import numpy as np
 from pydantic import ValidationError
 
 from postproc.arrays import FloatArray
-from postproc.cell.cell import (
-    Cell,
-    ExternalAxis,
-    MeshPlacement,
-    Origin,
-    Provenance,
-    Robot,
-    Tool,
-    Workpiece,
-)
+from postproc.cell.cell import Cell, ExternalAxis, MeshPlacement, Robot, Tool, Workpiece
+from postproc.cell.choices import Origin, Provenance
 from postproc.cell.complaint import complaint, dotted
 from postproc.cell.forms import cam_key, check_forms, routines
 from postproc.cell.robotfile import (

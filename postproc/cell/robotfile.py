@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.cell.cell import Cell, OpwGeometry, Origin, Provenance, Robot
+from postproc.cell.cell import Cell, OpwGeometry, Robot
+from postproc.cell.choices import Origin, Provenance
 from postproc.errors import CellError, SourceRef, listed
 from postproc.records import dataclass
 from postproc.units import DEG, MM, NMM_PER_RAD

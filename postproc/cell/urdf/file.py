@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.cell.cell import Origin, Provenance, Robot, UrdfGeometry
+from postproc.cell.cell import Robot, UrdfGeometry
+from postproc.cell.choices import Origin, Provenance
 from postproc.cell.robotfile import assumed_acceleration
 from postproc.cell.urdf.chain import UrdfChain, read_chain
 from postproc.cell.urdf.numbers import LARGEST, origin_of, values_of
