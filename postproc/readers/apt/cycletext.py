@@ -8,6 +8,7 @@ point) ``clear`` (the seat's CLEAR, or the number that stands for it) ``rapto`` 
 
 from __future__ import annotations
 
+from collections.abc import Container
 from math import radians, tan
 
 from postproc.model import WordClass
@@ -195,48 +196,33 @@ def _by_position(state: AptState, words: tuple[str, ...]) -> Found:
     """Return depth[, INCR, i], unit, feed, clearance[, shift], or SURFCAM's order of them."""
     surfcam = state.dialect.cycle_grammar is CycleGrammar.SURFCAM or not is_hsm_order(words)
     names = ["depth", "feed", "clear"] if surfcam else ["depth", "feed", "clear", "shift"]
-    unit = next((word for word in words[1:] if is_feed_unit(word)), "PERMIN")
-    found: Found = {}
-    tokens = _Tokens(words[1:])
-    while tokens:
-        word = tokens.take()
-        value = bounded(word)
-        if is_feed_unit(word):
-            continue
-        if value is None:
-            _minor(state, found, word, tokens)
-            continue
-        if not names:
-            raise _meaning_unknown(state, word)
-        name = names.pop(0)
-        if name == "feed":
-            _take_feed(state, found, unit, value)
-        else:
-            found[name] = value
-    return found
-
-
-def _meaning_unknown(state: AptState, word: str) -> Exception:
-    text = f"drill cycle: the meaning of {word[:20]!r} is not known"
-    return state.error("APT045", text, "name the positions with --cycle-words")
+    return _in_order(state, words, names, None)
 
 
 def _named(state: AptState, words: tuple[str, ...]) -> Found:
     """Return the parameters of numbers that ``ReadOptions.cycle_words`` names in their order."""
-    found: Found = {}
-    names = list(state.options.cycle_numbers)
+    minor = () if state.options.cycle_words is None else _FIELDS
+    return _in_order(state, words, list(state.options.cycle_numbers), minor)
+
+
+def _in_order(
+    state: AptState, words: tuple[str, ...], names: list[str], minor: Container[str] | None
+) -> Found:
+    """Return numbers by names in their order, those of ``minor`` words between (None: of all)."""
     unit = next((word for word in words[1:] if is_feed_unit(word)), "PERMIN")
+    found: Found = {}
     tokens = _Tokens(words[1:])
     while tokens:
         word = tokens.take()
         value = bounded(word)
         if is_feed_unit(word):
             continue
-        if value is None and state.options.cycle_words is not None and word in _FIELDS:
+        if value is None and (minor is None or word in minor):
             _minor(state, found, word, tokens)
             continue
         if value is None or not names:
-            raise _meaning_unknown(state, word)
+            text = f"drill cycle: the meaning of {word[:20]!r} is not known"
+            raise state.error("APT045", text, "name the positions with --cycle-words")
         name = names.pop(0)
         if name == "feed":
             _take_feed(state, found, unit, value)
