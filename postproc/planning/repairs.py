@@ -34,7 +34,7 @@ from postproc.planning.search import (
     with_gaps,
     with_options,
 )
-from postproc.planning.states import tilt_grid
+from postproc.planning.states import Problem, sample, tilt_grid
 
 MOST_PLANS = 12
 """So many plans of a level are made at most, the first one with them."""
@@ -165,15 +165,17 @@ def _tilt_more(attempt: Attempt) -> bool:
     tags, allowed = int(problem.placement.may_tilt.sum()), problem.cell.optimize.tilt
     more = tilt_grid(allowed, len(problem.settings.spins), tags, few=False)
     checker = replace(attempt.checker, problem=replace(problem, tilts=more))
-    if len(more) == len(problem.tilts) or _has_lost(attempt):
+    if len(more) == len(problem.tilts) or _is_out_of_reach(attempt, checker.problem):
         return False
     attempt.begin(checker)
     return True
 
 
-def _has_lost(attempt: Attempt) -> bool:
-    """Return whether a tag has no pose at all, on the finest grid of spins: no way leads there."""
-    return bool((attempt.search.found.path == NONE).any())
+def _is_out_of_reach(attempt: Attempt, problem: Problem) -> bool:
+    """Return whether a tag without a pose is out of reach at every tilt of a problem."""
+    lost = attempt.search.tags[attempt.search.found.path == NONE]
+    spins, tilts = problem.settings.spins, problem.tilts
+    return any(not len(sample(problem, lost[[k]], spins, tilts=tilts).q) for k in range(len(lost)))
 
 
 def _change(state: Changing) -> bool:
@@ -203,7 +205,7 @@ REPAIRS = (
         _avoid_gap,
         3,
     ),
-    Repair(Level.SEARCH, "more tilts", "tags fail that have a pose", _tilt_more, 1),
+    Repair(Level.SEARCH, "more tilts", "tags fail that are in reach", _tilt_more, 1),
     Repair(Level.PLACES, "another place", "a cut is refused where they stand", _change, 11),
     Repair(
         Level.CUTS, "a cut left and entered again", "no arm configuration serves a cut", _change, 11

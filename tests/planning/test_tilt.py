@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from postproc.cell import parse_cell
 from postproc.cell.cell import Workpiece
 from postproc.cell.schema import TiltRange
 from postproc.errors import CellError
@@ -23,6 +24,7 @@ from postproc.planning.states.settings import (
 )
 from postproc.planning.states.tilt import FEW_TILTS, MOST_TILTS, feed_directions, tilt_grid
 from postproc.units import DEG
+from tests.cells import FEED, STIFFNESS, cell_text
 
 UP = np.array([0.0, 0.0, 1.0])
 RAPID, LINEAR, ARC, HOLE = MotionKind.RAPID, MotionKind.LINEAR, MotionKind.ARC, MotionKind.HOLE
@@ -224,12 +226,12 @@ def test_cuts_keep_their_range_and_holes_stand(make_cell, make_path, strategy):
 
 @pytest.mark.usefixtures("no_scene")
 @pytest.mark.parametrize(
-    ("shift", "has_none", "tried"), [(0.0, True, [9]), (9.0, True, [9]), (9.0, False, [9, 25])]
+    ("shift", "is_asked", "tried"), [(0.0, True, [9]), (9.0, True, [9]), (9.0, False, [9, 25])]
 )
 def test_more_tilts_are_tried_before_a_cut_is_refused(
-    make_cell, make_path, monkeypatch, shift, has_none, tried
+    make_cell, make_path, monkeypatch, shift, is_asked, tried
 ):
-    """Unless a tag has no pose at all with them."""
+    """Unless a tag is out of reach with all of them."""
     points = [[1.8 + shift, y, 0.8] for y in (0.0, 0.01, 0.02)]
     ranges = {"lead_deg": [-10, 10], "side_tilt_deg": [-10, 10]}
     seen, search = [], Attempt._search_by
@@ -239,8 +241,36 @@ def test_more_tilts_are_tried_before_a_cut_is_refused(
         search(attempt, checker)
 
     monkeypatch.setattr(Attempt, "_search_by", counted)
-    if not has_none:
-        monkeypatch.setattr(repairs, "_has_lost", lambda *_: False)
+    if not is_asked:
+        monkeypatch.setattr(repairs, "_is_out_of_reach", lambda *_: False)
     found = planner.plan(make_path(points, [0.0, 0.0, 1.0]), make_cell(options=ranges))
     assert seen == tried
     assert bool(found.errors) == (shift > 0.0)
+
+
+def test_a_slot_that_leans_between_two_tilts_of_the_first_grid_is_milled(make_path):
+    """Between walls that lean by 5 deg no tag has a pose at 0 or 10 deg."""
+    lean, gap, high, thick = 5.0 * DEG, 30.0, 150.0, 20.0
+    up, across = (
+        np.array([np.sin(lean), 0, np.cos(lean)]),
+        np.array([np.cos(lean), 0, -np.sin(lean)]),
+    )
+    foot = np.array([1900.0, 0.0, 800.0]) + (high / 2.0 + 2.0) * up
+    middles = (foot + side * (gap + thick) / 2.0 * across for side in (-1.0, 1.0))
+    walls = "".join(
+        f'[[obstacles]]\nname = "wall_{k}"\nbox = {{ size_mm = [{thick}, 200, {high}] }}\n'
+        f"xyz_mm = {middle.round(4).tolist()}\nabc_deg = [0, 5, 0]\n"
+        for k, middle in enumerate(middles)
+    )
+    shank = (
+        "[[tool.meshes]]\ncylinder = { radius_mm = 5, length_mm = 250 }\n"
+        "xyz_mm = [172, 0, 362]\nabc_deg = [0, 90, 0]\n"
+    )
+    wishes = "[optimize]\nstep_deg = 30\nlead_deg = [-10, 10]\nside_tilt_deg = [-10, 10]\n"
+    place = {"tcp": (300, 0, 362), "tool": shank, "origin": (1900, 0, 800)}
+    cell = parse_cell(cell_text(walls, STIFFNESS, wishes, FEED, **place).encode(), "cell.toml")
+    points = [[0.0, y, 0.0] for y in (-0.01, 0.0, 0.01)]
+    found = planner.plan(make_path(points, [0.0, 0.0, 1.0]), cell)
+    assert not found.errors
+    axis = -found.T_base_tcp[:, :3, :3] @ cell.tool.axis
+    assert np.abs(np.arctan2(axis[:, 0], axis[:, 2]) - lean).max() < 3.0 * DEG

@@ -79,7 +79,7 @@ def _second(_: object, value: T, *__: object, **___: object) -> T:
 
 
 OFF: dict[str, tuple[Switch, ...]] = {
-    "has lost": (("postproc.planning.repairs", "_has_lost", _no),),
+    "out of reach": (("postproc.planning.repairs", "_is_out_of_reach", _no),),
     "carried": (
         ("postproc.planning.external.planner", "carried_where_better", lambda p, runs, m: runs),
     ),
