@@ -91,7 +91,7 @@ OFF: dict[str, tuple[Switch, ...]] = {
         (SEARCH + "between", "infeasible", lambda problem, way: np.zeros(len(problem), int)),
     ),
     "beside": ((SEARCH + "failing", "_around", lambda search, at: (at[:0], at[:0])),),
-    "far along": ((SEARCH + "failing", "_ALONG", 1),),
+    "far along": ((SEARCH + "failing", "ALONG", 1),),
     "taken out": (
         (
             SEARCH + "failing.FailingCuts",
@@ -333,6 +333,14 @@ def _noting(own: Callable[..., Any], name: str, met: set[str]) -> Callable[..., 
     return noted
 
 
+def _met(case: Made) -> set[str]:
+    """Return as ``watched``, in a process of its own; ends where one is not found any more."""
+    found = forked(lambda: watched(case))
+    if isinstance(found, str):
+        raise SystemExit(found)
+    return set(found[0])
+
+
 def forked(work: Callable[[], object]) -> Found:
     """Return what some work gives in a process of its own; the error where it ends in one."""
     read_end, write_end = os.pipe()
@@ -401,7 +409,7 @@ def main() -> None:
             on = best(case, None, arguments.repeats)
             if isinstance(on, str):
                 raise SystemExit(f"{name}: {on}")
-            met = set(forked(lambda case=case: watched(case))[0]) if arguments.only else set()
+            met = _met(case) if arguments.only else set()
             print(f"{name:<24}{on.errors:>3} errors{on.cpu:>8.2f} s", flush=True)
             for off in met.intersection(arguments.only):
                 pairs[off][name] = on, best(case, off, arguments.repeats)
