@@ -27,8 +27,6 @@ from postproc.planning.external.rating import (
 from postproc.process import AXIS_SHARE
 from postproc.records import dataclass
 
-_MOST_REFUSED = 6
-"""A cut that may move is given up after so many plans that all refuse the same tag of it."""
 _PATIENCE = 2
 """After so many refusals of a carried cut the axes are held at the places that are left, and of a
 held one that cannot be entered or left it is carried."""
@@ -84,7 +82,6 @@ class Positions:
         calm: moving unit to the length [m] over which its way is smoothed.
         carried: carried unit to what standing away costs (m, g) its knots; it moves.
         refused: how many findings refused a unit while it moved.
-        refusals: how many plans refused a unit at a tag, and at any as tag -1.
     """
 
     rating: Rating
@@ -93,7 +90,6 @@ class Positions:
     calm: dict[int, float] = field(init=False, default_factory=dict)
     carried: dict[int, FloatArray] = field(init=False, default_factory=dict)
     refused: Counter[int] = field(init=False, default_factory=Counter)
-    refusals: Counter[tuple[int, int]] = field(init=False, default_factory=Counter)
 
     def __post_init__(self) -> None:
         """Let cuts move that no single position reaches, as far as any reaches them."""
@@ -200,7 +196,7 @@ class Positions:
 
     def blame(self, run: Run, result: Plan) -> bool:
         """Close positions to what failed there; return whether there is another way."""
-        ways, moving, seen = dict[int, bool](), frozenset(self.calm), set[tuple[int, int]]()
+        ways, moving = dict[int, bool](), frozenset(self.calm)
         for finding in result.errors:
             if finding.tag_index is None:
                 continue
@@ -208,7 +204,6 @@ class Positions:
             units = enumerate(self.rating.units)
             unit, ends = next(((i, (a, b - 1)) for i, (a, b) in units if a <= tag < b))
             position = int(self.rating.nearest(run.external[tag - run.low][None])[0])
-            seen.add((unit, tag))
             again = ways.get(unit, False)
             if unit in moving:
                 self.refused[unit] += 1
@@ -221,15 +216,7 @@ class Positions:
             if self.refused[unit] >= _PATIENCE and self._left(unit).any():
                 self._stand(unit)
                 ways[unit] = True
-        self.refusals.update([*seen, *((unit, -1) for unit in ways)])
-        infeasible = {
-            unit
-            for unit, tag in seen
-            if self.may_be_cut_moving(unit)
-            and self.refusals[unit, tag] == self.refusals[unit, -1] >= _MOST_REFUSED
-        }
-        infeasible |= set(self.rating.walled)
-        return any(way for unit, way in ways.items() if unit not in infeasible)
+        return any(way for unit, way in ways.items() if unit not in self.rating.walled)
 
     def _left(self, unit: int) -> BoolArray:
         """Return (g,) the positions at which a unit may still be done held."""

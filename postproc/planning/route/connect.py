@@ -31,10 +31,8 @@ _DRAWN_IN = (0.5, 0.25, 0.1)
 """By these shares of the way to where it is drawn a point is drawn in, one after the other ..."""
 _PULLS = 3
 """... so often each at most, ..."""
-_GAINS = (0.02, 0.1)
-"""... where that is worth so much time [s], more if there are many ways, ..."""
-_MANY = 24
-"""... which are so many, ..."""
+_GAIN = 0.02
+"""... where that is worth so much time [s], ..."""
 _LOOKS = 3
 """... the best so many of what seems to be free."""
 _OFFERED = 64
@@ -237,7 +235,7 @@ def _pulled(
     drawn = np.tile(corner, (3, 1, 1, 1))
     drawn[:, :, 1] += share * (np.stack([before, behind, 0.5 * (before + behind)]) - point)
     gain = way_times(checker.problem, corner) - way_times(checker.problem, drawn)
-    aim, which = np.nonzero(gain > _GAINS[len(stops) > _MANY])
+    aim, which = np.nonzero(gain > _GAIN)
     owner = np.array([row for row, _ in at], dtype=np.int64)[which]
     order = np.lexsort((-gain[aim, which], owner))
     which, owner, tried = which[order], owner[order], drawn[aim, which][order]

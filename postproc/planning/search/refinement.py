@@ -21,7 +21,7 @@ from postproc.planning.search.pose_search import PoseSearch
 from postproc.records import dataclass
 
 _FINER = 2
-_WINDOWS = ((40, 1), (300, 1), (10**9, _FINER))
+_WINDOWS = ((300, 1), (10**9, _FINER))
 """Tags to each side of a break, and the stride on the finest grid of spins, tried in turn; no
 larger one than that of the cell's grid."""
 
