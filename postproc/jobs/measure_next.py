@@ -129,7 +129,7 @@ def _way(
     stops: list[FloatArray] = []
     read: list[int] = []
     for k, pose in enumerate(poses):
-        if _aside(pose):
+        if np.any(pose.before != pose.q):
             stops.append(pose.before)
             read.append(-1)
         stops.append(pose.q)
@@ -138,10 +138,6 @@ def _way(
     label = [read[int(k)] for k in kept]
     reads = [label[k - 1] if k > 0 else -1 for k in way]
     return set(label) - {-1}, nodes[np.abs(way) - 1], reads
-
-
-def _aside(pose: NextPose) -> bool:
-    return bool(np.any(pose.before != pose.q))
 
 
 def files(found: NextMeasurements, diagnosis: Diagnosis, cell: Cell) -> dict[str, bytes]:

@@ -223,13 +223,9 @@ _VALUE: dict[type, Callable[[Any], str]] = {
 
 def _plain(text: str) -> str:
     """Return a text that stands as code: it must not hide its end in a comment."""
-    if ";" in text and ";" in _outside_quotes(text):
+    if ";" in text and ";" in "".join(text.split('"')[::2]):
         raise KrlError("KRL912", f"code with a comment mark inside: {text[:80]!r}")
     return text
-
-
-def _outside_quotes(text: str) -> str:
-    return "".join(text.split('"')[::2])
 
 
 # ---------------------------------------------------------------------------------- statements

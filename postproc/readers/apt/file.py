@@ -21,7 +21,7 @@ from postproc.readers.apt.arcs import ArcRecords, Around, arcs_between, settled_
 from postproc.readers.apt.dialect import ArcSense, Dialect, dialect_of
 from postproc.readers.apt.feed import settle_turn_feed
 from postproc.readers.apt.levels import check_resumed, check_standing, settle_levels, settle_turns
-from postproc.readers.apt.motion import MotionReader, Motions
+from postproc.readers.apt.motion import MotionReader
 from postproc.readers.apt.nurbs import MOST_SEGMENTS, close_spline, discretised
 from postproc.readers.apt.state import AptState, Tags
 from postproc.readers.apt.statement import (
@@ -270,10 +270,6 @@ def _read_block(block: TextBlock, state: AptState, motion_reader: MotionReader) 
         (comment if statement.word == COMMENT else handle)(state, statement)
     state.close_block(motions, block.first_line)
     _count_words(state, scanned)
-    return _last_motion(motions, block)
-
-
-def _last_motion(motions: Motions, block: TextBlock) -> int:
     return block.first_line + int(motions.lines[-1]) if len(motions.lines) else 0
 
 

@@ -154,7 +154,7 @@ def _separator(rows: list[str], told: str | None) -> tuple[str, bool]:
         if told or all(candidate in row for row in body):
             fields = [part for row in body for part in row.split(candidate)]
             commas = sum(1 for part in fields if _DECIMAL_COMMA.match(part))
-            plain = [part for part in fields if _is_plain(part)]
+            plain = [part for part in fields if "." in part and parse_number(part) is not None]
             points = sum("," not in part for part in plain)
             return candidate, commas > 0 and (commas >= points or not plain)
     if all("," in row for row in body):
@@ -163,10 +163,6 @@ def _separator(rows: list[str], told: str | None) -> tuple[str, bool]:
             return _BLANK, True
         return ",", False
     return _BLANK, False
-
-
-def _is_plain(part: str) -> bool:
-    return "." in part and parse_number(part) is not None
 
 
 def _is_header(fields: list[list[str]], decimal_comma: bool) -> bool:
