@@ -6,16 +6,15 @@ import configparser
 import re
 from collections.abc import Mapping
 from dataclasses import field
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from postproc.arrays import FloatArray
 from postproc.backup.archive import Archive, open_archive
 from postproc.backup.external import ExternalKinematic, external_kinematics
 from postproc.backup.frames import BaseEntry, ToolEntry, base_entries, tool_entries
-from postproc.backup.layout import Layout, find_files
 from postproc.backup.machine import Machine, machine_of
 from postproc.backup.variables import Variables, decoded, matrix, read_variables
-from postproc.errors import ReadError
+from postproc.errors import ReadError, SourceRef
 from postproc.records import dataclass
 
 _SOFTWARE = re.compile(r"\bV?(\d{1,2})\.(\d{1,2})(?:\.\d+)*(?:\s*SP\s*\d+)?", re.IGNORECASE)
@@ -196,3 +195,58 @@ def rewritten_data(archive: Archive, layout: Layout) -> tuple[str, ...]:
             index = int(match[2]) if match[2].isdigit() and len(match[2]) < 4 else 0
             found.add((match[1].upper(), index))
     return tuple(f"{name}[{index or 'any'}]" for name, index in sorted(found))
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Paths in the archive; empty for what is not there. ``root``: the folder R1."""
+
+    machine: str
+    config: str
+    robcor: str
+    info: str
+    root: str
+
+
+def find_files(archive: Archive, path: str) -> Layout:
+    """Return where the robot's files are.
+
+    Raises:
+        ReadError: BAK006 if there is no robot, or more than one.
+    """
+    found = archive.names("R1", "Mada", "$machine.dat") or _of_bare_folder(archive)
+    if len(found) != 1:
+        raise ReadError("BAK006", *_wrong_count(archive, found, path))
+    root = PurePosixPath(found[0]).parents[1]
+    return Layout(
+        machine=found[0],
+        config=_inside(archive, root, "System", "$config.dat"),
+        robcor=_inside(archive, root, "Mada", "$robcor.dat"),
+        info=next(iter(sorted(archive.names("am.ini"), key=len)), ""),
+        root=root.as_posix(),
+    )
+
+
+def _of_bare_folder(archive: Archive) -> list[str]:
+    """Return machine data of an R1 whose folder has another name, those of STEU left aside."""
+    return [
+        name
+        for name in archive.names("Mada", "$machine.dat")
+        if "steu" not in [part.lower() for part in PurePosixPath(name).parts]
+    ]
+
+
+def _inside(archive: Archive, root: PurePosixPath, *tail: str) -> str:
+    wanted = str(root.joinpath(*tail)).lower()
+    return next((name for name in archive.names(*tail) if name.lower() == wanted), "")
+
+
+def _wrong_count(archive: Archive, found: list[str], path: str) -> tuple[str, SourceRef, str]:
+    source = SourceRef(path)
+    if found:
+        text = f"{len(found)} robots in it, expected one: {', '.join(sorted(found)[:5])}"
+        return text, source, "give the folder of one of them"
+    inner = [name for name in archive.sizes if name.lower().endswith(".zip")]
+    hint = f"it holds the archive {inner[0]}: give that one" if inner else ""
+    text = "no R1/Mada/$machine.dat in it, expected the backup of a KRC controller"
+    return text, source, hint or "an archive of the controller, a KrcDiag, or the folder R1"
