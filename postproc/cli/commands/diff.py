@@ -72,7 +72,7 @@ def _files(report: DiffReport, options: dict[str, Any]) -> dict[Path, bytes]:
 
         files[Path(options["page"])] = diff_page(report)
     if options["markdown"]:
-        from postproc.report.markdown import diff_markdown
+        from postproc.report.pages.diff import diff_markdown
 
         files[Path(options["markdown"])] = diff_markdown(report)
     if options["junit"]:

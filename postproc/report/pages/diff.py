@@ -1,4 +1,4 @@
-"""The page of a comparison of two programs: what moved, drawn, and every other difference."""
+"""A comparison of two programs as a page, what moved drawn in it, and as a comment in Markdown."""
 
 from __future__ import annotations
 
@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from postproc.comparison import Difference, DiffReport
 
 _MOST_ROWS = 2000
+_GROUPS, _SINGLE = 20, 25
+_WIDTH = 300
+"""So many characters of a line are shown."""
 
 
 def diff_page(report: DiffReport) -> bytes:
@@ -74,3 +77,31 @@ def _all(report: DiffReport) -> str:
 
 def _place(file: str, line: int | None) -> str:
     return "-" if line is None else f"{PurePath(file).name}:{line}"
+
+
+def diff_markdown(report: DiffReport) -> bytes:
+    """Return what changed in at most 60 lines: the verdict, groups, the first differences."""
+    lines = [f"### {_safe(report.old)} against {_safe(report.new)}", "", _safe(report.headline())]
+    groups = report.groups()
+    if groups:
+        lines += ["", "| what | how many | |", "| --- | --- | --- |"]
+        lines += [f"| {g.kind} | {g.count} | {_safe(g.text)} |" for g in groups[:_GROUPS]]
+        lines += _more(len(groups) - _GROUPS, "kinds of changes")
+    if report.differences:
+        lines += ["", "<details><summary>single differences</summary>", ""]
+        lines += [f"- {_safe(str(item))}" for item in report.differences[:_SINGLE]]
+        lines += _more(len(report.differences) - _SINGLE, "differences")
+        lines += ["", "</details>"]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def _more(left: int, what: str) -> list[str]:
+    return ["", f"and {left} more {what}"] if left > 0 else []
+
+
+def _safe(text: str) -> str:
+    """Return text of a program in one line that means nothing to Markdown."""
+    plain = " ".join("".join(c if c.isprintable() else " " for c in text).split())[:_WIDTH]
+    for mark in "\\`*_|<>[]#":
+        plain = plain.replace(mark, f"\\{mark}")
+    return plain
