@@ -12,7 +12,6 @@ from postproc.report.parts.page import (
     packed_text,
     table,
 )
-from postproc.report.parts.program_text import ProgramText
 from postproc.report.parts.rows_view import RowsView, add_rows, colour_html, list_html
 from postproc.report.parts.scene_data import (
     Drawing,
@@ -25,4 +24,4 @@ from postproc.report.parts.scene_data import (
 )
 from postproc.report.parts.spin_map_picture import CLASS_COLOURS, CLASS_WORDS, Picture, draw
 from postproc.report.parts.tag_values import TagColumn, tag_columns
-from postproc.report.parts.texts import cam_lines, unix_text
+from postproc.report.parts.texts import ProgramText, cam_lines, unix_text

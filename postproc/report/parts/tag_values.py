@@ -13,7 +13,7 @@ from postproc.model import MotionKind, MoveRole, Plan
 from postproc.planning import PlanMaps
 from postproc.records import dataclass
 from postproc.report.parts.page import packed
-from postproc.report.parts.program_text import ProgramText
+from postproc.report.parts.texts import ProgramText
 from postproc.units import DEG, MM, MM_PER_MIN, N_PER_MM
 
 _WORKING = (MoveRole.CUT, MoveRole.PLUNGE)

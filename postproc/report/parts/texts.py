@@ -1,4 +1,4 @@
-"""Lines of the CAM file and of programs, as pages embed them."""
+"""Texts of CAM file and program, as pages embed them, and the line of every move in them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from postproc.arrays import FloatArray, IntArray
 from postproc.files import read_bytes
+from postproc.records import dataclass
 
 if TYPE_CHECKING:
     from postproc.model import ToolPath
@@ -27,3 +29,25 @@ def cam_lines(toolpath: ToolPath) -> str:
 def unix_text(content: bytes) -> str:
     """Return a program text with plain line ends."""
     return "\n".join(content.decode("latin-1").splitlines())
+
+
+@dataclass(frozen=True, slots=True)
+class ProgramText:
+    """Motions of a program in the order in which they are run.
+
+    Args:
+        files: names of the files in which motions stand.
+        texts: whole text per file, plain line ends.
+        file: (m,) row of ``files``; line: (m,) 1-based line.
+        point: (m, 3) TCP at the end of each motion as the text says it, workpiece frame [m].
+    """
+
+    files: tuple[str, ...]
+    texts: tuple[str, ...]
+    file: IntArray
+    line: IntArray
+    point: FloatArray
+
+    def __len__(self) -> int:
+        """Return the number of motions."""
+        return len(self.line)
