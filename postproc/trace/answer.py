@@ -111,9 +111,13 @@ class PathDiagnosis:
             self._clock.begin("program")
             asked = (rounding(self.scene, self.match), feed(self.scene, self.match))
             self.planned = [p for p in asked if p is not None]
-        self.stages = [
-            Stage(s.name, s.scene, s.gap - sum(self._offset(s).values())) for s in self.stages
-        ]
+        self._known: dict[str, FloatArray] = {}
+        present = [stage.name for stage in self.stages]
+        for k, stage in enumerate(self.stages):
+            values = self._known_at(stage, present)
+            off = sum(values.values(), np.zeros_like(stage.gap))
+            self.stages[k] = Stage(stage.name, stage.scene, stage.gap - off)
+            self._known |= {name: stage.at_tool(value) for name, value in values.items()}
 
     @cached_property
     def verdicts(self) -> list[Verdict]:
@@ -143,10 +147,14 @@ class PathDiagnosis:
             stages.append(Stage(name, reference, gap.T))
         return stages
 
-    def _offset(self, stage: Stage) -> dict[str, FloatArray]:
-        thetas = {n: t for n, t in self.known.items() if stage.name in PATH_EFFECTS.get(n).stages}
-        first = self.stages[0].name
-        return values_of(stage, thetas) if stage.name == first else {"": np.zeros_like(stage.gap)}
+    def _known_at(self, stage: Stage, present: list[str]) -> dict[str, FloatArray]:
+        """Return the values of known effects that enter first at a stage, of those there are."""
+        thetas = {}
+        for name, theta in self.known.items():
+            stages = PATH_EFFECTS.get(name).stages
+            if stage.name == next((s for s in present if s in stages), None):
+                thetas[name] = theta
+        return values_of(stage, thetas)
 
     @cached_property
     def gap(self) -> FloatArray:
@@ -271,11 +279,10 @@ class PathDiagnosis:
     @cached_property
     def contour_left(self) -> FloatArray:
         """(n,) [m] off the path less what a model file with the adopted effects takes off."""
-        lost = {name for name, effect in PATH_EFFECTS if not effect.is_kept}
-        kept = {n: v for n, v in self.explained.items() if n not in lost}
-        places = (p.value for p in self.planned if p.is_place and p.name in kept)
-        zero = np.zeros_like(self.gap)
-        return self._off_path(self.gap - sum(kept.values(), zero), sum(places, zero))
+        planned = {p.name for p in self.planned}
+        kept = {n: v for n, v in self.explained.items() if n not in planned}
+        places = (p.value for p in self.planned if p.is_place and p.name in self.explained)
+        return self._off_path(kept, sum(places, np.zeros_like(self.gap)))
 
     @property
     def left_off_path(self) -> dict[str, Any]:
@@ -291,17 +298,45 @@ class PathDiagnosis:
 
     @cached_property
     def contour(self) -> FloatArray:
-        """(n,) [m] distance of the tool point from the commanded path."""
-        return self._off_path(self.gap, np.zeros_like(self.gap))
+        """(n,) [m] distance of the tool point from the commanded path, whatever the clock."""
+        return self._off_path({}, np.zeros_like(self.gap))
 
-    def _off_path(self, gap: FloatArray, planned: FloatArray) -> FloatArray:
-        """Return how far (n,) [m] a gap is off the path, less what is known of the planner."""
+    def _off_path(self, explained: dict[str, FloatArray], planned: FloatArray) -> FloatArray:
+        """Return how far (n,) [m] the tool point was off the path, less known and explained.
+
+        Args:
+            explained: (n, 3) by effect; what a model file does not give back stays.
+            planned: (n, 3) [m] what is explained of the planner's doing.
+        """
+        gap = self.gap + sum(self._known.values(), np.zeros_like(self.gap))
+        kept = [
+            values
+            for found in (self._known, explained)
+            for name, values in found.items()
+            if PATH_EFFECTS.get(name).is_kept
+        ]
+        gap = gap - self._as_stamped(sum(kept, np.zeros_like(gap)))
         if self.match is None:
             return contour_error(self.scene, self.scene.points + gap)
         # what the planner does is off the program, not off the command
-        off = self.match.off - planned
+        off = self.match.off
         from_command = contour_error(self.scene, self.scene.points + gap - off)
-        return np.asarray(np.maximum(from_command, np.linalg.norm(off, axis=1)))
+        return np.asarray(np.maximum(from_command, np.linalg.norm(off - planned, axis=1)))
+
+    def _as_stamped(self, values: FloatArray) -> FloatArray:
+        """Return values (n, 3) of the arm at the times that the clock of the tool point states."""
+        late = sum(PATH_EFFECTS.get(name).late(theta) for name, theta in self.known.items())
+        for verdict in self.verdicts:
+            thetas = verdict.fitted.thetas
+            names = (name for name in verdict.adopted if name in self.adopted)
+            late += sum(PATH_EFFECTS.get(name).late(thetas[name]) for name in names)
+        if not late:
+            return values
+        time, shifted = self.scene.time, np.empty_like(values)
+        for rows in self.scene.stretches:
+            at = time[rows] - late
+            shifted[rows] = np.stack([np.interp(at, time[rows], v) for v in values[rows].T], axis=1)
+        return shifted
 
 
 def _filled(stage: Stage, verdict: Verdict) -> FloatArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -209,7 +210,7 @@ def _not_testable(found: PathDiagnosis) -> list[dict[str, Any]]:
 
 def model_file(found: PathDiagnosis, given: ModelFile | None) -> ModelFile:
     """Return the given model plus what was adopted."""
-    effects = dict(given.effects) if given is not None else {}
+    effects = {} if given is None else dict(given.effects)
     for row in reversed(_effects(found)):
         if row["adopted"]:
             name = row["name"]
@@ -218,10 +219,7 @@ def model_file(found: PathDiagnosis, given: ModelFile | None) -> ModelFile:
             effects[row["name"]] = {k: _without_none(v) for k, v in table.items()}
     if found.adopted:
         effects[REST] = found.left_off_path
-    registration = given.registration if given is not None else None
-    notes = given.notes if given is not None else ()
-    weight = given.has_tool_weight if given is not None else False
-    return ModelFile(effects, registration, notes, has_tool_weight=weight)
+    return replace(given or ModelFile(), effects=effects, text=None)
 
 
 def _without_none(value: Any) -> Any:  # noqa: ANN401 - numbers, texts, lists of them

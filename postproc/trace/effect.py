@@ -83,6 +83,11 @@ class PathEffect(ABC):
         """Return how many free parameters these are."""
         return len(theta)
 
+    def late(self, theta: FloatArray) -> float:
+        """Return how late [s] the tool point is stamped."""
+        del theta
+        return 0.0
+
     def table(self, stage: Stage, theta: FloatArray, deviation: FloatArray) -> dict[str, Any]:
         """Return the parameters by the keys of the file, None for what the rows cannot tell."""
         del stage, theta, deviation

@@ -140,6 +140,43 @@ def test_where_a_tracker_sees_nothing_the_gap_is_no_larger(tmp_path):
     assert told["gap"]["max_mm"] < 0.3
 
 
+def tracked(path, late=0.0, shift=0.0):
+    """A record with a tracker that stamps its readings late [s]; encoders with much noise."""
+    t = np.arange(0.0, 14.5, 0.004)
+    draw = np.random.default_rng(7)
+    actual = command(t, shift) + draw.normal(0.0, 8e-4, (len(t), 6))
+    cell = load_cell(CELL)
+    tool = np.asarray(cell.tool.T_flange_tcp[:3, 3])
+    point = 1e3 * carried(build(cell.robot), np.deg2rad(command(t - late, shift)), tool)
+    point += draw.normal(0.0, 0.01, point.shape)
+    return written(path, np.column_stack([t, command(t), actual, point]), HEAD, XYZ)
+
+
+def test_noise_of_encoders_is_no_clock(tmp_path):
+    told = diagnose_trace(tracked(tmp_path / "log.csv"), load_cell(CELL)).document
+    assert (told["adopted"], told["verdict"]) == ([], "no_gap")
+
+
+def test_a_late_clock_is_named_and_no_contour_error(tmp_path, capsys):
+    on_time = diagnose_trace(tracked(tmp_path / "a.csv", 0.0, LAGS), load_cell(CELL)).document
+    log = str(tracked(tmp_path / "b.csv", 0.14, LAGS))
+    call = ["diagnose", "--trace", log, "--cell", str(CELL), "--quiet", "--json"]
+    assert app.run([*call, "-o", str(tmp_path)]) == 0
+    late = json.loads(capsys.readouterr().out)
+    assert sorted(late["adopted"]) == ["clock_offset", "servo_lag"]
+    sizes = {row["name"]: row["parameters"] for row in late["effects"]}
+    assert sizes["clock_offset"]["offset_ms"] == pytest.approx(140.0, abs=0.2)
+    for key in ("rms_mm", "left_rms_mm"):
+        assert late["contour"][key] == pytest.approx(on_time["contour"][key], rel=0.05)
+    # two axes across the path see the tracker's noise
+    assert late["contour"]["left_rms_mm"] < 1.1 * np.sqrt(2.0) * 0.01
+    assert app.run([*call, "--model", str(tmp_path / "model.toml")]) == 0
+    known = json.loads(capsys.readouterr().out)
+    assert (known["adopted"], known["verdict"]) == ([], "no_gap")
+    left = late["contour"]["left_rms_mm"]
+    assert known["contour"]["rms_mm"] == pytest.approx(left, rel=0.05)
+
+
 def test_a_written_model_counts_as_known(tmp_path, capsys):
     log = str(written(tmp_path / "log.csv", rows(lambda t: command(t, LAGS), 0.008)))
     call = ["diagnose", "--trace", log, "--cell", str(CELL), "--quiet", "--json"]

@@ -36,15 +36,18 @@ class ControllerDelay(PathEffect):
     keys = ("delay_ms",)
     usual: ClassVar[float] = 0.03
     most: ClassVar[float] = LONGEST
+    has_share: ClassVar[bool] = True
 
     def start(self, stage: Stage, rest: FloatArray, sigma: FloatArray) -> FloatArray | None:
         """Begin without a delay, where a joint moves."""
         del rest, sigma
-        return np.zeros(2) if moving(stage, SLOW).any() else None
+        return np.zeros(1 + self.has_share) if moving(stage, SLOW).any() else None
 
     def part(self, stage: Stage, theta: FloatArray, tangent: bool = True) -> Part:
         """Move every joint to where its reference was."""
         value, rate = delayed(stage, float(theta[0]))
+        if not self.has_share:
+            return Part(value, [Piece(k, (0,), row[:, None]) for k, row in enumerate(rate)])
         if not tangent and not theta[1]:
             return Part(value, [])
         half = 0.5 * stage.scene.recording.cycle
@@ -56,11 +59,13 @@ class ControllerDelay(PathEffect):
 
     def widths(self, theta: FloatArray) -> FloatArray:
         """Return some cycles of a controller, and any share."""
-        return np.array([self.usual, 1.0])
+        return np.array([self.usual, 1.0])[: len(theta)]
 
     def moved(self, theta: FloatArray, step: FloatArray) -> FloatArray:
         """Return the delay, and a share that is one."""
-        return np.array([theta[0] + step[0], np.clip(theta[1] + step[1], 0.0, 1.0)])
+        moved = theta + step
+        moved[1:] = np.clip(moved[1:], 0.0, 1.0)
+        return np.asarray(moved)
 
     def count(self, theta: FloatArray) -> int:
         """Return how many there are: most records were shifted by nobody."""
@@ -75,4 +80,4 @@ class ControllerDelay(PathEffect):
         """Return the delay of a file."""
         del table
         value = model.values(self.name, self.keys[0], within=(-self.most, self.most))
-        return None if value is None else np.array([float(value), 0.0])
+        return None if value is None else np.array([float(value), 0.0])[: 1 + self.has_share]
