@@ -297,7 +297,7 @@ class Effect(ABC):
         setting = {name: float(np.asarray(value)) for name, value in numbers}
         parts = []
         for index, (key, shape) in enumerate(self._shapes()):
-            values = model.values(self.name, key, shape, optional=index > 0 or bool(setting))
+            values = model.values(self.name, key, shape, optional=index > 0)
             parts.append(np.zeros(math.prod(shape)) if values is None else np.ravel(values))
         return State(np.concatenate(parts), setting)
 

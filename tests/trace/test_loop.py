@@ -150,12 +150,14 @@ def test_numbers_that_no_arm_has_are_refused_and_joints_unseen_are_told():
 def test_static_numbers_that_no_arm_has_are_refused():
     arm, accepted = RealArm.of(load_cell(CELL), ModelFile({})).model.arm, []
     for name, effect in EFFECTS:
-        for key, count in effect.layout:
+        shapes = {k: (n if isinstance(n, tuple) else (n,) * (n > 1)) for k, n in effect.layout}
+        shapes |= dict.fromkeys(effect.setting_keys.values(), ())
+        for key, shape in shapes.items():
             for value in (np.nan, np.inf, -np.inf, 1e300, "much"):
-                if (count == 6 and value is np.nan) or ("stiffness" in key and value == np.inf):
+                if (shape == (6,) and value is np.nan) or ("stiffness" in key and value == np.inf):
                     continue
-                others = {k: [1.0] * n if n > 1 else 1.0 for k, n in effect.layout}
-                wrong = others | {key: [value] * count if count > 1 else value}
+                others = {k: np.ones(n).tolist() for k, n in shapes.items()}
+                wrong = others | {key: np.full(shape, value).tolist()}
                 try:
                     effect.read(ModelFile({name: wrong}, instrument={}), arm)
                     accepted.append((name, key, value))
