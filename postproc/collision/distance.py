@@ -28,6 +28,8 @@ _TOLERANCE = 1e-10
 """GJK ends here [m]: distances are told too large by less than ``SLACK``, contact as less too."""
 _LINEAR = 32
 """Vertices up to which coal looks at all of a hull; beyond, it must know which are neighbours."""
+_ROUND = 1e-12
+"""Boxes are so much larger [m] than what they contain: their corners are rounded."""
 _CONTACTS = 1000
 """Crossings of triangles that are asked for to say where two surfaces meet."""
 _FLAT = 1e-18
@@ -230,27 +232,37 @@ class _Search:
         return least if least > SLACK else 0.0
 
     def _hull_of(self, piece: int) -> Any:  # noqa: ANN401 - coal has no types
-        """Return what contains a piece: it itself if it is convex."""
+        """Return what contains a piece: it itself if it is convex, a box along it if not."""
         mesh, faces = self._piece(piece)
-        return _hull(mesh.vertices[members(faces, len(mesh.vertices))])
+        points = mesh.vertices[members(faces, len(mesh.vertices))]
+        return _hull(points if self._is_convex[piece] else _boxed(points))
 
     def _as_it_is(self, piece: int) -> Any:  # noqa: ANN401
         return self._hull(piece) if self._is_convex[piece] else _surface(*self._piece(piece))
 
 
 def _hull(points: FloatArray) -> Any:  # noqa: ANN401
-    """Return points (v, 3) [m] as a convex body of coal that contains them."""
+    """Return points (v, 3) [m] as a convex body of coal; they must not lie in a plane."""
     import coal
 
     if len(points) > _LINEAR:
-        try:
-            return coal.Convex.convexHull(_vectors(points), False, "")
-        except Exception:  # noqa: BLE001 - qhull knows no flat hull: any box around them serves
-            low, high = points.min(axis=0), points.max(axis=0)
-            points = np.stack(np.meshgrid(*zip(low, high, strict=True)), axis=-1).reshape(-1, 3)
+        return coal.Convex.convexHull(_vectors(points), False, "")
     triangles = coal.StdVec_Triangle()
     triangles.append(coal.Triangle(0, 1, 2))
     return coal.Convex(_vectors(points), triangles)
+
+
+def _boxed(points: FloatArray) -> FloatArray:
+    """Return the corners (8, 3) of a box along points (v, 3) that contains them.
+
+    Not their hull: a patch may be flat, and then that of coal ends the process.
+    """
+    middle = points.mean(axis=0)
+    axes = np.linalg.eigh((points - middle).T @ (points - middle))[1]
+    along = (points - middle) @ axes
+    ends = np.stack([along.min(axis=0) - _ROUND, along.max(axis=0) + _ROUND], axis=1)
+    corners = np.stack(np.meshgrid(*ends), axis=-1).reshape(-1, 3)
+    return np.asarray(middle + corners @ axes.T)
 
 
 def _vectors(points: FloatArray) -> Any:  # noqa: ANN401
