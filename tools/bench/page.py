@@ -42,9 +42,10 @@ LOOP_SEED = 840217
 HEAD = """\
 # Benchmark
 
-Version {version}, on a machine with {cores} cores; each case ran on one of them, in a process of
-its own. Times are processor time. The page is written by one command, `python -m tools.bench page`;
-it needs the workloads that lie beside the repository, and takes about 20 minutes.
+On a machine with {cores} cores; each case ran on one of them, in a process of its own. Times are
+processor time. Each section says which version it was measured with. The page is written by one
+command, `python -m tools.bench page`; it needs the workloads that lie beside the repository, and
+takes about 20 minutes.
 """
 
 
@@ -320,8 +321,9 @@ def main() -> None:
     arguments = parser.parse_args()
     sections = _kept(arguments.output)
     for name in arguments.only:
-        sections[name] = "\n".join(SECTIONS[name](arguments)).rstrip() + "\n\n"
-    text = HEAD.format(version=__version__, cores=os.cpu_count())
+        heading, *lines = SECTIONS[name](arguments)
+        sections[name] = "\n".join([heading, f"*Version {__version__}.*\n", *lines]).rstrip()
+    text = HEAD.format(cores=os.cpu_count())
     for name in SECTIONS:
         if name in sections:
             text += f"\n<!-- {name} -->\n{sections[name].rstrip()}\n"
