@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray, IntArray, members, numbered, taken
+from postproc.collision.boxes import fit_box
 from postproc.collision.inside import InsideTest
 from postproc.collision.mesh import Mesh
 from postproc.collision.shape import Shape
@@ -257,12 +258,10 @@ def _boxed(points: FloatArray) -> FloatArray:
 
     Not their hull: a patch may be flat, and then that of coal ends the process.
     """
-    middle = points.mean(axis=0)
-    axes = np.linalg.eigh((points - middle).T @ (points - middle))[1]
-    along = (points - middle) @ axes
-    ends = np.stack([along.min(axis=0) - _ROUND, along.max(axis=0) + _ROUND], axis=1)
+    centre, axes, half = fit_box(points)
+    ends = np.stack([-half - _ROUND, half + _ROUND], axis=1)
     corners = np.stack(np.meshgrid(*ends), axis=-1).reshape(-1, 3)
-    return np.asarray(middle + corners @ axes.T)
+    return np.asarray(centre + corners @ axes.T)
 
 
 def _vectors(points: FloatArray) -> Any:  # noqa: ANN401

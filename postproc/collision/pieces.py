@@ -50,12 +50,12 @@ class Pieces:
         middle = corners.mean(axis=1)
         if convex:
             first = np.array([group[0] for group in convex])
-            convex = [convex[int(one[0])] for one in _halved(taken(middle, first), 1)]
+            convex = [convex[int(one[0])] for one in halved(taken(middle, first), 1)]
         rest = np.ones(len(corners), dtype=np.bool_)
         rest[np.concatenate([*convex, np.zeros(0, dtype=np.int64)])] = False
         left = np.flatnonzero(rest)
         most = max(_FEWEST, len(left) // _MOST_PATCHES)
-        patches = [left[group] for group in _halved(taken(middle, left), most)]
+        patches = [left[group] for group in halved(taken(middle, left), most)]
         groups = [*convex, *patches]
         count = np.array([len(group) for group in groups])
         faces, start = np.concatenate(groups).astype(np.int32), np.cumsum(count) - count
@@ -118,15 +118,18 @@ def _is_convex(corners: FloatArray) -> bool:
     )
 
 
-def _halved(places: FloatArray, most: int) -> list[IndexArray]:
-    """Return groups of at most ``most`` places (n, 3) each, neighbours one behind the other."""
+def halved(places: FloatArray, most: int, whole: int = 1) -> list[IndexArray]:
+    """Return groups of at most ``most`` places (n, 3), neighbours one behind the other.
+
+    They are halved across where they reach farthest, in multiples of ``whole``.
+    """
     columns, pending, done = np.ascontiguousarray(places.T), [np.arange(len(places))], []
     while pending:
         group = pending.pop()
         if len(group) > most:
             mine = columns.take(group, axis=1)
             along = mine[int(np.argmax(np.ptp(mine, axis=1)))]
-            order, half = np.argsort(along, kind="stable"), len(group) // 2
+            order, half = np.argsort(along, kind="stable"), -(-(len(group) // 2) // whole) * whole
             pending += [group[order[half:]], group[order[:half]]]
         elif len(group):
             done.append(group)

@@ -10,6 +10,7 @@ import numpy as np
 from postproc.arrays import FloatArray, IndexArray, numbered
 from postproc.collision.inside import parts_of
 from postproc.collision.mesh import ByContent, Mesh, joined, normals_of
+from postproc.collision.pieces import halved
 from postproc.records import dataclass
 from postproc.units import DEG
 
@@ -72,7 +73,8 @@ class Surface:
         self._corner = np.argsort(faces, axis=None, kind="stable")
         self._around = np.bincount(faces.ravel(), minlength=len(mesh.vertices))
         self._first = np.cumsum(self._around) - self._around
-        self._order = _grouped(corners.mean(axis=1))
+        # leaves do not straddle two places
+        self._order = np.concatenate(halved(corners.mean(axis=1), _LEAF, _LEAF))
         self._corners = corners[self._order]
         self._levels = _boxes(self._corners)
 
@@ -236,21 +238,3 @@ def _boxes(corners: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
         low, high = np.minimum.reduceat(low, starts), np.maximum.reduceat(high, starts)
         levels.append((low, high))
     return levels
-
-
-def _grouped(middle: FloatArray) -> np.ndarray:
-    """Return an order of places (f, 3) in which neighbours in space stand together."""
-    places = np.ascontiguousarray(middle.T)
-    pending, done = [np.arange(len(middle))], []
-    while pending:
-        group = pending.pop()
-        if len(group) <= _LEAF:
-            done.append(group)
-            continue
-        mine = places.take(group, axis=1)
-        along = mine[int(np.argmax(mine.max(axis=1) - mine.min(axis=1)))]
-        ranked = group[np.argsort(along, kind="stable")]
-        # halves of whole leaves, so that leaves do not straddle two places
-        half = -(-(len(group) // 2) // _LEAF) * _LEAF
-        pending += [ranked[half:], ranked[:half]]
-    return np.concatenate(done)
