@@ -35,7 +35,6 @@ from postproc.planning.states import (
 from postproc.progress import Clock, Progress
 from postproc.records import dataclass
 
-_DROPS = 20
 _PARTED = (
     "poses chosen otherwise (times tried: {times}) are not joined by free paths either: move what "
     "is in the way, or put the tags on its two sides into programs of their own"
@@ -95,12 +94,12 @@ def _without_stuck(
     checker: Checker, chosen: Chosen, routed: Route, *, goes_on: bool
 ) -> tuple[Route, list[Finding]]:
     """Return the route without tags that cannot be got to or left, and why each is left out."""
-    dropped: list[Finding] = []
-    for turn in range(_DROPS):
-        stuck = [finding for finding in routed.findings if finding.is_error]
-        if not stuck:
+    dropped, most = list[Finding](), 1
+    while stuck := [finding for finding in routed.findings if finding.is_error]:
+        gone = list(_leave_out(checker, chosen, stuck, most))
+        if not gone:
             break
-        dropped += _leave_out(checker, chosen, stuck, 2**turn)
+        dropped, most = dropped + gone, 2 * most
         routed = route(checker, chosen, goes_on=goes_on)
     return routed, dropped
 
