@@ -22,12 +22,9 @@ from postproc.arrays import BoolArray, FloatArray
 from postproc.ladder import NONE
 from postproc.model import Plan
 from postproc.planning.attempt import Attempt, Rank
-from postproc.planning.route import HOME, has_ways
+from postproc.planning.route import HOME
 from postproc.planning.search import (
-    ARM,
-    WRIST,
     Parted,
-    changes_of,
     grown,
     loss_of,
     main_spins,
@@ -105,17 +102,6 @@ def _roll_less(attempt: Attempt) -> bool:
     return True
 
 
-def _keep_posture(attempt: Attempt) -> bool:
-    search, chosen = attempt.search, attempt.search.chosen
-    for bits in (ARM, WRIST):
-        changes = changes_of(bits, chosen)
-        steady = search.options.steady
-        if not steady & bits and not has_ways(search.checker, chosen, changes):
-            attempt.use(with_options(search, replace(search.options, steady=steady | bits)))
-            return True
-    return False
-
-
 def _lose_less(attempt: Attempt) -> bool:
     search, bound, problem = attempt.search, attempt.bound, attempt.checker.problem
     if bound is None:
@@ -191,12 +177,6 @@ REPAIRS = (
         _look_closer,
     ),
     Repair(Level.SEARCH, "less roll", "a cut rolls the tool far", _roll_less),
-    Repair(
-        Level.SEARCH,
-        "a steady posture",
-        "no free path was found for a change of it",
-        _keep_posture,
-    ),
     Repair(Level.SEARCH, "key tags for less loss", "tags lose more than the bound", _lose_less),
     Repair(
         Level.SEARCH,

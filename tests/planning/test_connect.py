@@ -177,12 +177,6 @@ def test_ways_round_are_drawn_in_to_what_saves_time(checker_of, block, share):
     assert after.sum() < share * before.sum()
 
 
-def test_ways_that_are_only_asked_for_are_not_drawn_in(checker_of, monkeypatch):
-    monkeypatch.setattr(connect, "_pulled", lambda *args: pytest.fail("a point is drawn in"))
-    checker = checker_of(solid("beam", [0.1, 0.1, 3.0], 2.2, 0.0, 1.5))
-    assert connect.all_joined(checker, UPRIGHT, swings(3))
-
-
 def proofs_of(checker, monkeypatch):
     """Return a list that fills with the ends (m, 12) of the motions that are proven."""
     proven = []

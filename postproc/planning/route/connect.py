@@ -43,8 +43,6 @@ _FEW = 6
 """... the next ones grow no more often than this."""
 _HEIGHTS = 100
 """So many heights are tried where the tool cannot back off as far as it must."""
-_ASKED = 20
-"""So often at most where a way is only asked for: ways that take longer to find are long."""
 GIVE_UP = 40
 """After so many no more are grown: what is left is walled in."""
 
@@ -95,8 +93,9 @@ def detours(checker: Checker, chosen: Chosen, ends: Ends) -> dict[int, Detour]:
     rows = np.setdiff1d(np.arange(len(ends)), list(ways))
     if not len(rows):
         return ways
-    out, can_leave = _lifted_ends(checker, chosen, ends)
-    rows = rows[can_leave[rows]]
+    q, is_out = backed_off(checker, chosen, ends)
+    out = replace(ends, q_from=np.where(is_out[:, None], q, ends.q_from))
+    rows = rows[(is_out | ~(ends.lift > 0.0))[rows]]
     found = _folded(checker, out, rows)
     rows = np.setdiff1d(rows, list(found))
     found |= _by_trees(checker, out, rows, GIVE_UP)
@@ -106,26 +105,6 @@ def detours(checker: Checker, chosen: Chosen, ends: Ends) -> dict[int, Detour]:
         is_line = np.arange(len(first) + len(points)) < len(first)
         ways[row] = Detour(np.vstack([first, points]), is_line, False)
     return ways
-
-
-def all_joined(checker: Checker, chosen: Chosen, ends: Ends) -> bool:
-    """Return whether free ways round are found for all connections (m,); looks no further."""
-    out, can_leave = _lifted_ends(checker, chosen, ends)
-    if not can_leave.all():
-        return False
-    rows = np.arange(len(ends))
-    rows = np.setdiff1d(rows, list(_folded(checker, out, rows)))
-    for heights in BACK_OFF:
-        backed = _by_backing_off(checker, chosen, ends, rows, heights)
-        rows = np.setdiff1d(rows, list(backed))
-    return len(_by_trees(checker, out, rows, 1, _ASKED)) == len(rows)
-
-
-def _lifted_ends(checker: Checker, chosen: Chosen, ends: Ends) -> tuple[Ends, BoolArray]:
-    """Return connections from where the tool has backed off as it must, and where it can (m,)."""
-    q, is_out = backed_off(checker, chosen, ends)
-    lifted = replace(ends, q_from=np.where(is_out[:, None], q, ends.q_from))
-    return lifted, is_out | ~(ends.lift > 0.0)
 
 
 def backed_off(checker: Checker, chosen: Chosen, ends: Ends) -> tuple[FloatArray, BoolArray]:
@@ -248,11 +227,9 @@ def _pulled(
 
 
 def _by_trees(
-    checker: Checker, ends: Ends, rows: IndexArray, give_up: int, patience: int = ROUNDS
+    checker: Checker, ends: Ends, rows: IndexArray, give_up: int
 ) -> dict[int, FloatArray]:
     """Return the points (k, 6) between the ends of free ways by row, as far as there are some.
-
-    A tree grows ``patience`` times at most.
 
     What is in the way of one connection is mostly in the way of many: the points of every way found
     are offered to the connections that are left, there and back, before the next tree grows, and
@@ -266,7 +243,7 @@ def _by_trees(
     failures = 0
     while len(rows) and failures < give_up:
         row, rows = int(rows[0]), rows[1:]
-        rounds = patience if failures < _OFTEN_FAILED else _FEW
+        rounds = ROUNDS if failures < _OFTEN_FAILED else _FEW
         place = ends.external[row]
         way = rrt_connect(checker, ends.q_from[row], ends.q_to[row], place, rounds)
         if way is None:

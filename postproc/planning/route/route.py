@@ -17,7 +17,6 @@ from postproc.planning.route.connect import (
     GIVE_UP,
     Detour,
     Ends,
-    all_joined,
     backed_off,
     detours,
     free_way,
@@ -82,7 +81,7 @@ def route(checker: Checker, chosen: Chosen, *, goes_on: bool = False, runs: bool
     findings: list[Finding] = []
     gaps: list[Gap] = []
     holes = hole_moves(problem, checker.strokes, chosen)
-    arrives, leaves = _ends(checker, chosen, np.arange(len(problem)))
+    arrives, leaves = _ends(checker, chosen)
     findings += _shut_in(checker, chosen, arrives)
     parts = [*holes, *cut_moves(problem, chosen, arrives, leaves)]
     parts += _free_tags(problem, chosen)
@@ -110,12 +109,12 @@ def route(checker: Checker, chosen: Chosen, *, goes_on: bool = False, runs: bool
     return Route(table, result, left, gaps, findings)
 
 
-def _ends(checker: Checker, chosen: Chosen, tags: IndexArray) -> tuple[FloatArray, FloatArray]:
-    """Return the joints (n, 6) in which the tool arrives at and leaves tags (m,)."""
+def _ends(checker: Checker, chosen: Chosen) -> tuple[FloatArray, FloatArray]:
+    """Return the joints (n, 6) in which the tool arrives at and leaves tags."""
     problem, ends = checker.problem, []
     height = _arrival_heights(problem, chosen)
     for top in (height, checker.strokes.top):
-        q, at = chosen.q.copy(), tags[(top[tags] > 0.0) & chosen.good[tags]]
+        q, at = chosen.q.copy(), np.flatnonzero((top > 0.0) & chosen.good)
         T = problem.placement.tcp(at, chosen.attitude[at], top[at])
         external = problem.placement.external[at]
         solved, reached = problem.solve(T, external, chosen.branch[at], chosen.q[at])
@@ -246,18 +245,6 @@ def _ends_into(
     heights = (top, _arrival_heights(problem, chosen)[to])
     external = checker.problem.placement.external[to]
     return Ends(before, to, *heights, leaves[before], arrives[to], external, lift)
-
-
-def has_ways(checker: Checker, chosen: Chosen, to: IndexArray) -> bool:
-    """Return whether free ways are found into all of some tags (m,); looks no further than that."""
-    if not len(to):
-        return True
-    good = np.flatnonzero(chosen.good)
-    both = np.union1d(to, good[np.searchsorted(good, to) - 1])
-    ends = _ends_into(checker, chosen, to, *_ends(checker, chosen, both))
-    free = checker.joint_moves(ends.q_from, ends.q_to, ends.external).good & (ends.lift == 0.0)
-    rows = np.flatnonzero(~free)
-    return all_joined(checker, chosen, ends.rows(rows))
 
 
 def _decide(

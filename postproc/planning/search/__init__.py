@@ -24,11 +24,8 @@ from postproc.planning.search.refinement import Refinement
 from postproc.planning.search.roll import main_spins, without_roll
 from postproc.planning.search.round_spins import between_round, on_round_spins
 from postproc.planning.search.rungs import (
-    ARM,
-    WRIST,
     Parted,
     SearchOptions,
-    changes_of,
     step_rules,
     with_gaps,
 )

@@ -2,10 +2,10 @@
 
 One number holds all that a way costs, in one order, the dear before the cheap. The unit is that of
 the objectives: 1 is all the stiffness of a tag, .01 one percent of it. From above: a step that no
-free way was found for, a pose that the tool cannot leave; another posture where these are kept
-steady (both, and losses, a thousand times as much where the cell bounds losses: ``BOUND_PRICE``); a
-pose beyond the bound of ``smooth``; stiffness, travel, margins as weighed; what a spin off the
-round ones or off the main one has to gain; ties.
+free way was found for (it, and losses, a thousand times as much where the cell bounds losses:
+``BOUND_PRICE``), a pose that the tool cannot leave; a pose beyond the bound of ``smooth``;
+stiffness, travel, margins as weighed; what a spin off the round ones or off the main one has to
+gain; ties.
 
 That is the order of a tuple as long as what is cheap stays below one of what is dear: values of a
 rung are told from the least of them, so only differences between ways must. Tuples of a level and
@@ -18,16 +18,13 @@ from __future__ import annotations
 
 from postproc.units import DEG
 
-PARTED = 10.0
-"""What a step costs that leads where no free way was found, in ``CHANGE``: changes may help."""
+PARTED = 1e6
+"""What a step costs that leads where no free way was found: more than any way costs."""
+PARTED_BOUND = 1e3
+"""So many times as much where the cell bounds losses, which are priced accordingly."""
 STUCK = 1e6
 """Cost of a state from which the tool cannot back off where a cut ends: more than any way costs,
 as a tool that is stuck is refused."""
-CHANGE_BOUND = 1e3
-"""So many times as much where the cell bounds losses, which are priced accordingly."""
-CHANGE = 1e5
-"""Cost of another shoulder, elbow or wrist at the next tag where a search keeps them steady: more
-than all that such changes could gain."""
 DEARER = 300.0
 """What each further 1 (100 %) of loss beyond the bound costs."""
 DEAR = 30.0

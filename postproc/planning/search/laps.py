@@ -39,12 +39,7 @@ def _is_long(
     checker: Checker, tags: IndexArray, options: SearchOptions, between: Interpolation
 ) -> bool:
     problem = checker.problem
-    is_plain = (
-        options.least is None
-        and options.stretch is None
-        and not options.steady
-        and not options.parted
-    )
+    is_plain = options.least is None and options.stretch is None and not options.parted
     is_plain &= len(problem.tilts) == 1 and problem.cell.optimize.loss_bound is None
     return len(tags) > LAP + AHEAD and is_plain and not between.is_cut.any()
 

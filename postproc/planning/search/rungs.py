@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from postproc.arrays import AT_ONCE, ROUNDING, AnyIntArray, BoolArray, FloatArray, IndexArray
+from postproc.arrays import AT_ONCE, ROUNDING, BoolArray, FloatArray, IndexArray
 from postproc.geometry import angle_between
 from postproc.kinematics import wrapped
 from postproc.ladder import NONE, Ladder, Rule, Tolls
@@ -19,8 +19,6 @@ from postproc.planning.search.bridges import Bridges
 from postproc.planning.search.constants import (
     BRIDGED,
     BRIDGED_TURN,
-    CHANGE,
-    CHANGE_BOUND,
     CUT_TRAVEL,
     CUT_UNIT,
     DEAR,
@@ -32,6 +30,7 @@ from postproc.planning.search.constants import (
     LEAST_STEP,
     MIRRORED_PRICE,
     PARTED,
+    PARTED_BOUND,
     ROLL_PRICE,
     STEADY_BAND,
     STEADY_TURN,
@@ -43,7 +42,6 @@ from postproc.planning.search.edges import Edges, best_of, edges_of
 from postproc.planning.search.keytags import arc_length
 from postproc.planning.search.tilt_steps import TiltSteps
 from postproc.planning.states import (
-    BRANCHES,
     TRAVEL_UNIT,
     Chosen,
     Problem,
@@ -58,8 +56,8 @@ from postproc.process import AXIS_SHARE
 from postproc.records import dataclass
 from postproc.units import DEG, TURN
 
-ARM, WRIST = 3, 4
-"""The bits of a branch that say how shoulder and elbow stand, and the wrist."""
+WRIST = 4
+"""The bit of a branch that says how the wrist stands."""
 _ROUND = 1e-5
 """A spin is round that is nearer to it, in such steps: the grid of poses rounds as well."""
 Joins = Bridges | TiltSteps
@@ -134,8 +132,7 @@ class SearchOptions:
     ``each``: every tag takes its own best state. Travel and spin only break ties, but inside a cut
     travel counts ``cut_travel``: a cut must still be a cut. ``least`` (n,) [N/m]: states of less
     stiffness cost ``DEAR``; None: no such bound. ``stretch`` (n,): tags of one number keep one arm
-    configuration, cuts or not; None: cuts do. ``steady``: bits of the branch, each of which costs
-    ``CHANGE`` where it is another at the next tag. ``main`` (n,) [rad]: spin of which tags stand
+    configuration, cuts or not; None: cuts do. ``main`` (n,) [rad]: spin of which tags stand
     off by more than ``STEADY_BAND`` only where that earns ``ROLL_PRICE``, NaN where any will do;
     None: nowhere. ``parted``: where the tool is off the part, no step leads from near the one side
     to near the other if any other can be run. ``window``: the only poses there are; None: all.
@@ -145,7 +142,6 @@ class SearchOptions:
     cut_travel: float = CUT_TRAVEL
     least: FloatArray | None = None
     stretch: IndexArray | None = None
-    steady: int = 0
     main: FloatArray | None = None
     parted: tuple[Parted, ...] = ()
     window: Window | None = None
@@ -319,19 +315,13 @@ def ladder_of(
         off = states.spin_of(np.arange(len(states.q))) - np.repeat(options.main[tags], count)
         rolls = np.abs(wrapped(off)) > STEADY_BAND
         cost[rolls] += ROLL_PRICE * share[rolls]
-    position = states.q
-    change = _price_of_change(problem)
-    if options.steady:  # more coordinates, equal for the same posture
-        apart = np.sqrt(change / max(float(weight[rule == Rule.FREE].max(initial=0.0)), ROUNDING))
-        bits = (apart * _bits(np.arange(BRANCHES), options.steady)).astype(np.float32)
-        position = np.hstack([position, bits[states.branch]])
-    tolls = _tolls(options.parted, states.q, PARTED * change)
-    _price_home(problem, states, options, cost, tolls, change)
-    ladder = Ladder(states.offsets, position, cost, states.branch, rule, weight)
+    tolls = _tolls(options.parted, states.q, _price_of_gap(problem))
+    _price_home(problem, states, options, cost, tolls)
+    ladder = Ladder(states.offsets, states.q, cost, states.branch, rule, weight)
     if tolls is not None:
         tolls.enters[np.repeat(rule == Rule.CHAIN, count)] = 0.0
         ladder.tolls = tolls
-    ladder.reach = _reach(problem, between, tags, position.shape[1])
+    ladder.reach = _reach(problem, between, tags)
     return ladder
 
 
@@ -341,34 +331,29 @@ def _price_home(
     options: SearchOptions,
     cost: FloatArray,
     tolls: Tolls | None,
-    change: float,
 ) -> None:
     """Add to costs (N,), in place, what the ways from home and back cost."""
     home = problem.cell.motion.home
     if home is None or not len(states):
         return
     price = HOME_SHARE * problem.settings.weights.travel / TRAVEL_UNIT**2
-    at_home = problem.kinematics.branches.slot(home)
     for rung in (0, len(states) - 1):
         at = slice(int(states.offsets[rung]), int(states.offsets[rung + 1]))
         if not options.each:
             cost[at] += price * ((states.q[at] - home) ** 2).sum(axis=1)
-        if options.steady:
-            now, there = (_bits(one, options.steady) for one in (states.branch[at], at_home))
-            cost[at] += change * ((now - there) ** 2).sum(axis=1)
         if tolls is not None:
             cost[at] += tolls.enters[at] @ _sides(options.parted, home[None])[0]
 
 
-def _price_of_change(problem: Problem) -> float:
-    return CHANGE * (1.0 if problem.cell.optimize.loss_bound is None else CHANGE_BOUND)
+def _price_of_gap(problem: Problem) -> float:
+    return PARTED * (1.0 if problem.cell.optimize.loss_bound is None else PARTED_BOUND)
 
 
 def tolls_of(
     problem: Problem, parted: tuple[Parted, ...], before: FloatArray, after: FloatArray
 ) -> FloatArray:
     """Return the tolls (m,) of steps off the part from joints (m, 6) to joints (m, 6)."""
-    tolls = _tolls(parted, np.stack([before, after]), PARTED * _price_of_change(problem))
+    tolls = _tolls(parted, np.stack([before, after]), _price_of_gap(problem))
     if tolls is None:
         return np.zeros(len(before))
     return np.asarray((tolls.leaves[0] * tolls.enters[1]).sum(axis=1))
@@ -388,10 +373,8 @@ def _tolls(parted: tuple[Parted, ...], q: NDArray[np.floating[Any]], price: floa
     return Tolls(leaves, np.float32(price) * leaves[..., other])
 
 
-def _reach(
-    problem: Problem, between: Interpolation, tags: IndexArray, count: int
-) -> FloatArray | None:
-    """Return by how much (n, count) the axes can move from tag to tag at the lowest feed [rad].
+def _reach(problem: Problem, between: Interpolation, tags: IndexArray) -> FloatArray | None:
+    """Return by how much (n, 6) the axes can move from tag to tag at the lowest feed [rad].
 
     None where any feed will do. What is turned on the spot takes the time that it takes. Where no
     pose can run a cut on the way there is no step at all.
@@ -406,24 +389,9 @@ def _reach(
     free = np.cumsum(~is_path)
     time = np.diff(until[tags], prepend=0.0)
     time[np.diff(free[tags], prepend=-1) > 0] = np.inf
-    reach = np.full((len(tags), count), np.inf)
-    reach[:, :6] = 1.001 * AXIS_SHARE * time[:, None] * np.asarray(problem.cell.robot.qd_max)
+    reach = 1.001 * AXIS_SHARE * time[:, None] * np.asarray(problem.cell.robot.qd_max)
     reach[np.diff(np.cumsum(is_shut)[tags], prepend=0) > 0] = -1.0
     return reach
-
-
-def _bits(branch: AnyIntArray, steady: int) -> FloatArray:
-    """Return how far apart (..., k) branches (...,) lie by those k bits that are set in ``steady``.
-
-    The wrist turns over rather than that the arm changes.
-    """
-    apart = ((bit, far) for bit, far in ((1, 1.0), (2, 1.0), (WRIST, 0.1)) if bit & steady)
-    return np.stack([far * ((branch & bit) != 0) for bit, far in apart], axis=-1)
-
-
-def same_posture(one: AnyIntArray, other: AnyIntArray, bits: int) -> BoolArray:
-    """Return whether these bits of branches (...,) are the same."""
-    return np.asarray((one ^ other) & bits == 0)
 
 
 def beside(parted: Parted, q: NDArray[np.floating[Any]]) -> BoolArray:
@@ -456,12 +424,6 @@ def with_gaps(known: tuple[Parted, ...], gaps: list[Parted]) -> tuple[Parted, ..
         if not any((n[0] & n[1, ::-1]).any() for n in near):
             known = (*known, gap)
     return known
-
-
-def changes_of(bits: int, chosen: Chosen) -> IndexArray:
-    """Return the tags (m,) at which these bits of the branch are not those of the tag before."""
-    good = np.flatnonzero(chosen.good)
-    return good[1:][~same_posture(chosen.branch[good[1:]], chosen.branch[good[:-1]], bits)]
 
 
 def joins_of(
