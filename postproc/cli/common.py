@@ -10,7 +10,7 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 import click
 from click.shell_completion import CompletionItem
@@ -244,25 +244,31 @@ _PLUGGED = {
 }
 """Options that name a part which can be plugged in."""
 
-CELL = click.option("--cell", required=True, metavar="CELL.toml", help="The robot cell.")
-TOOL = click.option(
-    "--tool", type=int, metavar="N", help="TOOL number of a cell with several: on the flange."
-)
 
-
-def option(*names: str, kind: Any = None, default: Any = None, **more: Any) -> Decorator:  # noqa: ANN401 - as of click
+def option(usage: str, text: str = "", kind: Any = None, **more: Any) -> Decorator:  # noqa: ANN401 - as of click
     """Return an option of a command.
 
     Args:
-        names: as of ``click.option``.
+        usage: names and value as the help shows them, ``-o, --output DIR``; without a value, a
+            kind and a default it is a flag.
+        text: for the help; a default is shown behind it.
         kind: a type of click, or the words that it takes.
-        default: shown in the help.
         more: as of ``click.option``.
     """
-    is_choice = isinstance(kind, tuple) and isinstance(kind[0], str)
-    if default is not None:
-        more = {"default": default, "show_default": True, **more}
-    return click.option(*names, type=click.Choice(kind) if is_choice else kind, **more)
+    words = usage.split()
+    names = [word.rstrip(",") for word in words if word[0] == "-"]
+    values = words[len(names) :]
+    if len(values) > 1:
+        more = {"nargs": len(values), **more}
+    if not (values or kind or "default" in more):
+        more = {"is_flag": True, **more}
+    told = {"metavar": " ".join(values) or None, "help": text, "show_default": True}
+    kind = click.Choice(kind) if isinstance(kind, tuple) else kind
+    return click.option(*names, type=kind, **{**told, **more})
+
+
+CELL = option("--cell CELL.toml", "The robot cell.", required=True)
+TOOL = option("--tool N", "TOOL number of a cell with several: on the flange.", int)
 
 
 def _of_cell(names: Iterable[str]) -> list[Decorator]:
@@ -271,12 +277,12 @@ def _of_cell(names: Iterable[str]) -> list[Decorator]:
 
     found: list[Decorator] = []
     for name in names:
-        table, kind = CALL_KEYS[name]
-        meaning, words = key_said(kind, name)
-        more = {"metavar": "W1,W2"} if name == "accept_words" else {}
+        table, options = CALL_KEYS[name]
+        meaning, words = key_said(options, name)
         text = f"As [{table}] {name} of the cell: {meaning}."
-        key = f"--{name.replace('_', '-')}"
-        found.append(option(key, kind=words or _PLUGGED.get(name), help=text, **more))
+        kind = words or _PLUGGED.get(name)
+        value = "" if kind else " W1,W2" if name == "accept_words" else " TEXT"
+        found.append(option(f"--{name.replace('_', '-')}{value}", text, kind))
     return found
 
 
@@ -290,9 +296,7 @@ def reading_options(function: Callable[P, R]) -> Callable[P, R]:
     """Add what says how a CAM file is to be read, alike in all commands that read one."""
     from postproc.cell import Reading
 
-    recover = click.option(
-        "--recover", is_flag=True, help="Fix faults that have one possible meaning."
-    )
+    recover = option("--recover", "Fix faults that have one possible meaning.")
     return _all(function, [*_of_cell(Reading.__annotations__), recover])
 
 
@@ -302,11 +306,10 @@ def planning_options(function: Callable[P, R]) -> Callable[P, R]:
 
     options = [
         *_of_cell(name for name in CALL_KEYS if name not in Reading.__annotations__),
-        click.option("--model", metavar="MODEL.toml", help="Compensate what this model predicts."),
-        click.option(
-            "--keep",
-            metavar="OLD",
-            help="Keep the poses of this program (or folder, or manifest) that are still good and "
+        option("--model MODEL.toml", "Compensate what this model predicts."),
+        option(
+            "--keep OLD",
+            "Keep the poses of this program (or folder, or manifest) that are still good and "
             "lose little.",
         ),
     ]
@@ -344,24 +347,28 @@ def read_cam(source: str, options: Mapping[str, Any], cell: Cell) -> ToolPath:
     return read(source, cell, **reading(options))
 
 
-def standard_options(function: Callable[Concatenate[Session, P], R]) -> Callable[P, R]:
-    """Add ``--json`` and ``--quiet`` to a command; it gets a ``Session`` first."""
+def command(
+    examples: str, kind: type[click.Command] = click.Command
+) -> Callable[[Callable[..., int]], click.Command]:
+    """Return what makes a command with ``--json`` and ``--quiet``: it gets a ``Session`` first."""
 
-    @click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
-    @click.option("-q", "--quiet", is_flag=True, help="Print errors only.")
-    @functools.wraps(function)
-    def wrapper(*args: P.args, **kwargs: P.kwargs) -> R:
-        context = click.get_current_context()
-        for parameter in context.command.params:
-            value = kwargs.get(str(parameter.name))
-            is_empty = "" in (value if isinstance(value, tuple) else (value,))
-            if is_empty and parameter.default != "":
-                raise click.BadParameter("empty, as of an unset variable", context, parameter)
-        as_json = bool(kwargs.pop("as_json"))
-        quiet = bool(kwargs.pop("quiet"))
-        return function(Session(as_json, quiet), *args, **kwargs)
+    def made(function: Callable[..., int]) -> click.Command:
+        @functools.wraps(function)
+        def called(json: bool, quiet: bool, **options: Any) -> int:  # noqa: ANN401 - click's own
+            context = click.get_current_context()
+            for parameter in context.command.params:
+                value = options.get(str(parameter.name))
+                is_empty = "" in (value if isinstance(value, tuple) else (value,))
+                if is_empty and parameter.default != "":
+                    raise click.BadParameter("empty, as of an unset variable", context, parameter)
+            return function(Session(json, quiet), **options)
 
-    return wrapper
+        result = click.command(cls=kind, epilog=f"\b\nExamples:{examples}")(called)
+        option("--json", "Print one JSON object on stdout.")(result)
+        option("-q, --quiet", "Print errors only.")(result)
+        return result
+
+    return made
 
 
 def answer(good: bool) -> int:

@@ -676,8 +676,8 @@ CALLS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "keep": ({"--cell": "loose.toml"}, {"--keep": "old.src"}),
     "partial": ({"source": "far.csv"}, {"--partial": None}),
     "report": ({}, {"--report": "page.html"}),
-    "spin_maps": ({}, {"--spin-map": "map.csv"}),
-    "as_json": ({}, {"--json": None}),
+    "spin_map": ({}, {"--spin-map": "map.csv"}),
+    "json": ({}, {"--json": None}),
     "quiet": ({}, {"--quiet": None}),
 }
 """Option of ``convert`` to what else stands in the call, and the change."""
@@ -722,7 +722,7 @@ def test_every_option_of_convert_has_an_effect(called, name):
         assert before[1] == after[1]
         assert before[2]
         assert not after[2]
-    elif name == "as_json":
+    elif name == "json":
         assert before[1] == after[1]
         assert json.loads(after[2])["schema"] == "postproc.convert/1"
     else:

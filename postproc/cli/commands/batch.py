@@ -11,54 +11,38 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from postproc.cli.common import (
-    NumberRange,
-    Session,
-    answer,
-    given,
-    option,
-    planning_options,
-    reading_options,
-    requested,
-    standard_options,
-)
+from postproc.cli import common as cli
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from postproc.batch import BatchOptions, BatchOutcome, Job
 
-EPILOG = """\b
-Examples:
+
+@cli.command("""
   postproc batch parts/ --cell cell.toml -o out --jobs 4
   postproc batch holes.csv --cell cell.toml -o out --split region:500
   postproc batch parts/ --cell cell.toml -o out --check     (CI: is what is committed current?)
-"""
-
-
-@click.command(epilog=EPILOG)
+""")
 @click.argument("inputs", nargs=-1, required=True, metavar="INPUT...")
-@option("--cell", metavar="CELL.toml", help="The robot cell (or in batch.toml).")
-@option("-o", "--output", required=True, metavar="DIR", help="Folder of the programs.")
-@option("--config", metavar="BATCH.toml", help="Options per input.")
-@option("-j", "--jobs", kind=click.IntRange(min=1), help="Worker processes; default: one per core.")
-@option("--dask", metavar="ADDRESS", help="Run on this Dask cluster instead.")
-@option("--split", metavar="RULE", help="region:MM, count:N or operation: large inputs.")
-@reading_options
-@planning_options
-@option("--timeout", kind=NumberRange(min=0.1), help="Seconds per input.")
-@option("--memory", kind=NumberRange(min=0.5), help="GiB per worker.")
-@option("--force", is_flag=True, help="Redo everything.")
-@option("--prune", is_flag=True, help="Remove outputs whose input is gone.")
-@option("--check", is_flag=True, help="Write nothing; compare with what is there.")
-@option(
-    "--report",
-    metavar="FILE.html",
-    help="A page of all inputs, with one of each in the folder FILE beside it.",
+@cli.option("--cell CELL.toml", "The robot cell (or in batch.toml).")
+@cli.option("-o, --output DIR", "Folder of the programs.", required=True)
+@cli.option("--config BATCH.toml", "Options per input.")
+@cli.option("-j, --jobs", "Worker processes; default: one per core.", click.IntRange(min=1))
+@cli.option("--dask ADDRESS", "Run on this Dask cluster instead.")
+@cli.option("--split RULE", "region:MM, count:N or operation: large inputs.")
+@cli.reading_options
+@cli.planning_options
+@cli.option("--timeout", "Seconds per input.", cli.NumberRange(min=0.1))
+@cli.option("--memory", "GiB per worker.", cli.NumberRange(min=0.5))
+@cli.option("--force", "Redo everything.")
+@cli.option("--prune", "Remove outputs whose input is gone.")
+@cli.option("--check", "Write nothing; compare with what is there.")
+@cli.option(
+    "--report FILE.html", "A page of all inputs, with one of each in the folder FILE beside it."
 )
-@option("--junit", metavar="FILE.xml", help="Write the outcome as JUnit XML.")
-@standard_options
-def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
+@cli.option("--junit FILE.xml", "Write the outcome as JUnit XML.")
+def command(session: cli.Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
     """Convert many inputs: files, folders, globs, or @LIST, a file with one of these a line.
 
     DIR/manifest.json holds what was made from what; a second run redoes only what changed, or what
@@ -69,9 +53,9 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     from postproc.jobs.convert import ConvertRequest
 
     options["cell"] = options["cell"] or ""
-    base = ConvertRequest(source="", **requested(options))
+    base = ConvertRequest(source="", **cli.requested(options))
     pages = _pages(options["report"])
-    limits = BatchOptions(options["jobs"], pages=pages, **given(BatchOptions, options))
+    limits = BatchOptions(options["jobs"], pages=pages, **cli.given(BatchOptions, options))
     jobs, remarks = call_of(options["inputs"], base, limits, options["config"])
     for remark in remarks:
         session.say(remark)
@@ -82,7 +66,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
 
 
 def _run(
-    session: Session,
+    session: cli.Session,
     jobs: list[Job],
     folder: Path,
     options: BatchOptions,
@@ -114,7 +98,7 @@ def _run(
         session.error(outcome.unsaved)
     session.document(document)
     _summary(session, outcome)
-    return answer(outcome.good)
+    return cli.answer(outcome.good)
 
 
 def _pages(report: str | None) -> Path | None:
@@ -132,7 +116,7 @@ def _links(report: Path, keys: Iterable[str]) -> dict[str, str]:
     return {k: quote(f"{p.parent.name}/{p.name}") for k, p in pages.items() if p.is_file()}
 
 
-def _summary(session: Session, outcome: BatchOutcome) -> None:
+def _summary(session: cli.Session, outcome: BatchOutcome) -> None:
     count = len(outcome.keys)
     again = len(outcome.kept) - len(outcome.unchanged)
     remark = f" ({again} not tried again since nothing changed; --force does)" if again else ""
@@ -152,7 +136,7 @@ def _summary(session: Session, outcome: BatchOutcome) -> None:
 
 
 def _check(
-    session: Session, jobs: list[Job], folder: Path, options: BatchOptions, junit: str | None
+    session: cli.Session, jobs: list[Job], folder: Path, options: BatchOptions, junit: str | None
 ) -> int:
     from postproc.batch import check_batch, junit_xml
     from postproc.files import write_files
@@ -168,7 +152,7 @@ def _check(
     for name, report in checked.reports.items():
         session.show(f"{name}:\n{report.summary()}")
     session.show(f"checked {len(checked.entries)}, different or failed {len(checked.bad)}")
-    return answer(not checked.bad)
+    return cli.answer(not checked.bad)
 
 
 Tick = Callable[[int, int, int], None]
@@ -179,7 +163,7 @@ EVERY = 30.0
 
 
 @contextmanager
-def ticker(session: Session) -> Iterator[Tick]:
+def ticker(session: cli.Session) -> Iterator[Tick]:
     """Yield what shows the progress of a batch on stderr; nothing with ``--quiet``."""
     if session.quiet:
         yield lambda done, total, failed: None

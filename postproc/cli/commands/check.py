@@ -6,27 +6,21 @@ from typing import Any
 
 import click
 
-from postproc.cli.common import Session, answer, option, standard_options
+from postproc.cli import common as cli
 
-EPILOG = """\b
-Examples:
+
+@cli.command("""
   postproc check cell.toml
   postproc check cell.toml --json
   postproc check cell.toml --report cell.html
   postproc check cell.toml --backup ARCHIVE.zip
-"""
-
-
-@click.command(epilog=EPILOG)
+""")
 @click.argument("cell", metavar="CELL.toml")
-@option("--report", metavar="FILE.html", help="Write a page that draws the cell.")
-@option(
-    "--backup", metavar="ARCHIVE", help="Backup of the controller to compare with: ZIP or folder."
-)
-@option("--templates", is_flag=True, help="Test the cell's own templates without a part.")
-@standard_options
+@cli.option("--report FILE.html", "Write a page that draws the cell.")
+@cli.option("--backup ARCHIVE", "Backup of the controller to compare with: ZIP or folder.")
+@cli.option("--templates", "Test the cell's own templates without a part.")
 def command(
-    session: Session, /, cell: str, report: str | None, backup: str | None, templates: bool
+    session: cli.Session, /, cell: str, report: str | None, backup: str | None, templates: bool
 ) -> int:
     """Load a cell, say what it is and what is wrong with it.
 
@@ -49,7 +43,7 @@ def command(
         )
         session.show(f"backup     {counts}")
     session.findings(found.findings)
-    return answer(found.good)
+    return cli.answer(found.good)
 
 
 def _summary(facts: dict[str, Any]) -> str:

@@ -7,26 +7,10 @@ from typing import Any
 
 import click
 
-from postproc.cli.common import (
-    CELL,
-    Session,
-    answer,
-    option,
-    planning_options,
-    reading_options,
-    requested,
-    standard_options,
-)
+from postproc.cli import common as cli
 from postproc.errors import headlines
 from postproc.progress import Progress
 
-EPILOG = """\b
-Examples:
-  postproc convert part.cls --cell cell.toml -o out
-  postproc convert holes.csv --cell cell.toml -o out --strategy smooth --report out/holes.html
-  postproc convert holes.csv --cell cell.toml -o out --trade
-  postproc convert holes.csv --cell cell.toml -o out --spin-map map.html --spin-map map.csv
-"""
 _SPIN_MAPS = (".html", ".png", ".csv")
 
 
@@ -43,28 +27,30 @@ def _known_suffix(
     return files
 
 
-@click.command(epilog=EPILOG)
+@cli.command("""
+  postproc convert part.cls --cell cell.toml -o out
+  postproc convert holes.csv --cell cell.toml -o out --strategy smooth --report out/holes.html
+  postproc convert holes.csv --cell cell.toml -o out --trade
+  postproc convert holes.csv --cell cell.toml -o out --spin-map map.html --spin-map map.csv
+""")
 @click.argument("source", metavar="INPUT")
-@CELL
-@option("-o", "--output", required=True, metavar="DIR", help="Folder of the program.")
-@option("--name", help="Program name; default: that of the input file.")
-@reading_options
-@planning_options
-@option("--trade", is_flag=True, help="Show what each preset would lose and gain.")
-@option("--pins", metavar="FILE.csv", help="Spins that tags must have: tag,spin_deg.")
-@option("--partial", is_flag=True, help="Write the good stretches even if tags fail.")
-@option("--report", metavar="FILE.html", help="Write a page that shows the program.")
-@option(
-    "--spin-map",
-    "spin_maps",
-    multiple=True,
-    metavar="FILE",
-    callback=_known_suffix,
-    help="Write what every spin about the tool axis would mean at every tag: .html, .png or .csv; "
+@cli.CELL
+@cli.option("-o, --output DIR", "Folder of the program.", required=True)
+@cli.option("--name TEXT", "Program name; default: that of the input file.")
+@cli.reading_options
+@cli.planning_options
+@cli.option("--trade", "Show what each preset would lose and gain.")
+@cli.option("--pins FILE.csv", "Spins that tags must have: tag,spin_deg.")
+@cli.option("--partial", "Write the good stretches even if tags fail.")
+@cli.option("--report FILE.html", "Write a page that shows the program.")
+@cli.option(
+    "--spin-map FILE",
+    "Write what every spin about the tool axis would mean at every tag: .html, .png or .csv; "
     "also when tags fail.",
+    multiple=True,
+    callback=_known_suffix,
 )
-@standard_options
-def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
+def command(session: cli.Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
     """Convert a CAM toolpath to DIR/NAME.src and DIR/NAME.dat.
 
     Every tag gets the best pose about its tool axis; reach, limits, singularity and collisions
@@ -73,10 +59,10 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     """
     from postproc.jobs.convert import ConvertRequest, convert, document, explained, land
 
-    request = ConvertRequest(**requested(options))
+    request = ConvertRequest(**cli.requested(options))
     with session.progress() as progress:
         conversion = explained(convert(request, progress), request, progress)
-        maps = _spin_maps(conversion, options["spin_maps"], progress)
+        maps = _spin_maps(conversion, options["spin_map"], progress)
     folder = Path(options["output"])
     contents = dict(maps)
     if options["report"]:
@@ -92,10 +78,10 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     _summary(session, conversion, content, folder)
     if removed:
         session.show(f"removed  {', '.join(removed)}: left by an earlier {conversion.name}")
-    for name, path in (("page", options["report"]), *(("map", p) for p in options["spin_maps"])):
+    for name, path in (("page", options["report"]), *(("map", p) for p in options["spin_map"])):
         if path:
             session.show(f"{name:<8} {path}")
-    return answer(conversion.good)
+    return cli.answer(conversion.good)
 
 
 def _nearest(clearance: dict[str, Any]) -> str:
@@ -130,7 +116,7 @@ def _spin_maps(
 
 
 def _summary(
-    session: Session,
+    session: cli.Session,
     conversion: Any,  # noqa: ANN401 - imported lazily
     content: dict[str, Any],
     folder: Path,

@@ -7,26 +7,17 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from postproc.cli.common import (
-    CELL,
-    POSITIVE,
-    TOOL,
-    Session,
-    answer,
-    option,
-    read_cam,
-    reading_options,
-    standard_options,
-)
+from postproc.cli import common as cli
 
 if TYPE_CHECKING:
     from postproc.jobs.diagnose import DiagnosisJob
     from postproc.jobs.diagnose_trace import PathJob
 
-POSES_ONLY = ("registered", "before", "self_check", "accept")
+POSES_ONLY = ("register", "before", "self_check", "accept")
 """Options that need a campaign of poses."""
-EPILOG = """\b
-Examples:
+
+
+@cli.command("""
   postproc diagnose measured.csv --cell cell.toml -o out
   postproc diagnose tracker.csv --cell cell.toml --register --json
   postproc diagnose measured.csv --cell cell.toml --program part.cls -o out
@@ -34,67 +25,50 @@ Examples:
   postproc diagnose measured.csv --cell cell.toml --self-check
   postproc diagnose measured.csv out/next_measurements.csv --cell cell.toml -o out2
   postproc diagnose --trace log.csv --cell cell.toml -o out
-"""
-
-
-@click.command(epilog=EPILOG)
+""")
 @click.argument("measurements", metavar="MEAS.csv...", nargs=-1)
-@option(
-    "--trace",
-    metavar="LOG.csv",
-    help="Recording of a path instead of poses: commanded and actual joints, tool point.",
+@cli.option(
+    "--trace LOG.csv",
+    "Recording of a path instead of poses: commanded and actual joints, tool point.",
 )
-@CELL
-@TOOL
-@option("--model", metavar="MODEL.toml", help="Model of the arm that is already known.")
-@option(
+@cli.CELL
+@cli.TOOL
+@cli.option("--model MODEL.toml", "Model of the arm that is already known.")
+@cli.option(
     "--register",
-    "registered",
-    is_flag=True,
-    help="The measured frame and the reflector's place on the tool are unknown: fit them first.",
+    "The measured frame and the reflector's place on the tool are unknown: fit them first.",
 )
-@option(
-    "--before",
+@cli.option(
+    "--before BEFORE.csv",
+    "Campaign before compensation: predicted against measured, by the ids of the rows.",
     multiple=True,
-    metavar="BEFORE.csv",
-    help="Campaign before compensation: predicted against measured, by the ids of the rows.",
 )
-@option(
+@cli.option(
     "--self-check",
-    "self_check",
-    is_flag=True,
-    help="Put each effect at 0.3, 1 and 3 times its usual size into these rows, and report how"
+    "Put each effect at 0.3, 1 and 3 times its usual size into these rows, and report how"
     " often it is named, missed, or blamed on another.",
 )
-@option(
+@cli.option(
     "--trials",
-    kind=click.IntRange(1, 100),
+    "Arms of each effect and size. [1]",
+    click.IntRange(1, 100),
     default=1,
-    help="Arms of each effect and size. [1]",
     show_default=False,
 )
-@option(
-    "--accept",
+@cli.option(
+    "--accept EFFECT",
+    "Write this effect into the model although the instrument may have caused the same.",
     multiple=True,
-    metavar="EFFECT",
-    help="Write this effect into the model although the instrument may have caused the same.",
 )
-@option(
-    "--program",
-    metavar="INPUT",
-    help="CAM file: report where along it the gap lies; with --trace the KRL program that was run.",
+@cli.option(
+    "--program INPUT",
+    "CAM file: report where along it the gap lies; with --trace the KRL program that was run.",
 )
-@option("--against", metavar="INPUT", help="With --trace: the CAM file that was run.")
-@reading_options
-@option("--tol-mm", kind=POSITIVE, help="Exit 1 if the gap (rms) is larger than this.")
-@option(
-    "-o",
-    "--output",
-    metavar="DIR",
-    help="Folder of the report, the model and what to measure next.",
-)
-@standard_options
-def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
+@cli.option("--against INPUT", "With --trace: the CAM file that was run.")
+@cli.reading_options
+@cli.option("--tol-mm", "Exit 1 if the gap (rms) is larger than this.", cli.POSITIVE)
+@cli.option("-o, --output DIR", "Folder of the report, the model and what to measure next.")
+def command(session: cli.Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
     """Tell where a robot misses its model, which effect causes it, and how far that shrinks it.
 
     Names an effect only when the rows show it on poses that were not fitted; names all of a set
@@ -123,7 +97,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         keep_readings(Path(options["output"]))
     cell = load_cell(options["cell"]).for_tool(options["tool"])
     model = load_model(options["model"]) if options["model"] else None
-    toolpath = read_cam(options["program"], options, cell) if options["program"] else None
+    toolpath = cli.read_cam(options["program"], options, cell) if options["program"] else None
     if toolpath is not None:
         session.findings(word_findings(words_settled(toolpath, cell)))
     with session.progress() as progress:
@@ -131,7 +105,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
             options["measurements"],
             cell,
             model=model,
-            register=options["registered"],
+            register=options["register"],
             tool=options["tool"],
             program=toolpath,
             before=options["before"],
@@ -142,7 +116,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     return _answered(session, options, job)
 
 
-def _trace(session: Session, options: dict[str, Any]) -> int:
+def _trace(session: cli.Session, options: dict[str, Any]) -> int:
     """Diagnose a recorded path."""
     from postproc.cell import load_cell
     from postproc.jobs.diagnose_trace import diagnose_trace
@@ -155,13 +129,13 @@ def _trace(session: Session, options: dict[str, Any]) -> int:
     model = load_model(options["model"]) if options["model"] else None
     if options["program"] and options["against"]:
         raise click.UsageError("--program or --against, not both")
-    toolpath = read_cam(options["against"], options, cell) if options["against"] else None
+    toolpath = cli.read_cam(options["against"], options, cell) if options["against"] else None
     with session.progress() as progress:
         job = diagnose_trace(options["trace"], cell, model, progress, options["program"], toolpath)
     return _answered(session, options, job)
 
 
-def _answered(session: Session, options: dict[str, Any], job: DiagnosisJob | PathJob) -> int:
+def _answered(session: cli.Session, options: dict[str, Any], job: DiagnosisJob | PathJob) -> int:
     """Write the files that are asked for, tell the answer, and return the exit code."""
     if options["output"]:
         job.write(options["output"])
@@ -169,4 +143,4 @@ def _answered(session: Session, options: dict[str, Any], job: DiagnosisJob | Pat
     for line in job.summary:
         session.show(line)
     tolerance = options["tol_mm"]
-    return answer(tolerance is None or job.document["gap"]["rms_mm"] <= tolerance)
+    return cli.answer(tolerance is None or job.document["gap"]["rms_mm"] <= tolerance)

@@ -7,32 +7,28 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from postproc.cli.common import NOT_NEGATIVE, Session, answer, option, standard_options
+from postproc.cli import common as cli
 
 if TYPE_CHECKING:
     from postproc.comparison import DiffReport
 
-EPILOG = """\b
-Examples:
+
+@cli.command("""
   postproc diff released/panel.src out/panel.src
   postproc diff released out --tol-mm 0.01 --json
   postproc diff released/panel.src out/panel.src --html changes.html
   postproc diff released out --markdown comment.md --junit diff.xml
   postproc diff released out --update      (look, then accept: out comes over released)
-"""
-
-
-@click.command(epilog=EPILOG)
+""")
 @click.argument("old", metavar="OLD", type=click.Path())
 @click.argument("new", metavar="NEW", type=click.Path())
-@option("--tol-mm", default=0.001, kind=NOT_NEGATIVE, help="Shift that counts as the same.")
-@option("--tol-deg", default=0.001, kind=NOT_NEGATIVE, help="Turn that counts as the same.")
-@option("--html", "page", metavar="FILE.html", help="Write a page that shows what moved.")
-@option("--markdown", metavar="FILE.md", help="Write the answer in at most 60 lines.")
-@option("--junit", metavar="FILE.xml", help="Write the outcome as JUnit XML.")
-@option("--update", is_flag=True, help="Accept: copy NEW over OLD; then 0, not 1.")
-@standard_options
-def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
+@cli.option("--tol-mm", "Shift that counts as the same.", cli.NOT_NEGATIVE, default=0.001)
+@cli.option("--tol-deg", "Turn that counts as the same.", cli.NOT_NEGATIVE, default=0.001)
+@cli.option("--html FILE.html", "Write a page that shows what moved.")
+@cli.option("--markdown FILE.md", "Write the answer in at most 60 lines.")
+@cli.option("--junit FILE.xml", "Write the outcome as JUnit XML.")
+@cli.option("--update", "Accept: copy NEW over OLD; then 0, not 1.")
+def command(session: cli.Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
     """Tell what the robot would do differently with NEW than with OLD.
 
     OLD and NEW are two programs (with the sub-programs beside them) or two folders, which are
@@ -61,16 +57,16 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     session.show(report.summary())
     if options["update"]:
         session.show(f"accepted: {len(document['updated'])} files of {options['old']} changed")
-    return answer(report.same or options["update"])
+    return cli.answer(report.same or options["update"])
 
 
 def _files(report: DiffReport, options: dict[str, Any]) -> dict[Path, bytes]:
     """Return the files that were asked for."""
     files: dict[Path, bytes] = {}
-    if options["page"]:
+    if options["html"]:
         from postproc.report.pages.diff import diff_page
 
-        files[Path(options["page"])] = diff_page(report)
+        files[Path(options["html"])] = diff_page(report)
     if options["markdown"]:
         from postproc.report.pages.diff import diff_markdown
 

@@ -6,25 +6,22 @@ import textwrap
 
 import click
 
-from postproc.cli.common import Session, answer, complete_explained, standard_options
+from postproc.cli import common as cli
 from postproc.codes import Entry, groups
 from postproc.jobs.explain import explain, explain_document
 
-EPILOG = """\b
-Examples:
+_WIDTH = 88
+
+
+@cli.command("""
   postproc explain APT010
   postproc explain pln102 --json
   postproc explain joint_limit
   postproc explain thermal_drift
   postproc explain
-"""
-_WIDTH = 88
-
-
-@click.command(epilog=EPILOG)
-@click.argument("code", required=False, shell_complete=complete_explained)
-@standard_options
-def command(session: Session, /, code: str | None) -> int:
+""")
+@click.argument("code", required=False, shell_complete=cli.complete_explained)
+def command(session: cli.Session, /, code: str | None) -> int:
     """Say what a finding CODE means and what to do about it; without CODE list all codes.
 
     CODE may also be a measure or violation of verify, an effect of a diagnosis, or any word that a
@@ -39,7 +36,7 @@ def command(session: Session, /, code: str | None) -> int:
         entry = explain(code)
         session.document(explain_document(entry))
         session.show(_page(entry))
-    return answer(good=True)
+    return cli.answer(good=True)
 
 
 def _page(entry: Entry) -> str:

@@ -7,32 +7,20 @@ from typing import Any
 
 import click
 
-from postproc.cli.common import (
-    CELL,
-    Session,
-    answer,
-    option,
-    read_cam,
-    reading_options,
-    standard_options,
-)
+from postproc.cli import common as cli
 
-EPILOG = """\b
-Examples:
+
+@cli.command("""
   postproc fit-base points.csv --cell cell.toml
   postproc fit-base points.csv --cell cell.toml --job holes.csv -o cell2.toml
-"""
-
-
-@click.command(epilog=EPILOG)
+""")
 @click.argument("points", metavar="POINTS.csv")
-@CELL
-@option("--base", kind=int, metavar="N", help="BASE number, in a cell with several.")
-@option("--job", metavar="INPUT", help="CAM file: uncertainty of its holes.")
-@option("-o", "--output", metavar="CELL2.toml", help="Write the cell with the fitted base.")
-@reading_options
-@standard_options
-def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
+@cli.CELL
+@cli.option("--base N", "BASE number, in a cell with several.", int)
+@cli.option("--job INPUT", "CAM file: uncertainty of its holes.")
+@cli.option("-o, --output CELL2.toml", "Write the cell with the fitted base.")
+@cli.reading_options
+def command(session: cli.Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
     """Fit the base to datum points: nominal on the part, measured in the robot root.
 
     Columns id, x_mm, y_mm, z_mm (nominal, in the base), mx_mm, my_mm, mz_mm (measured) and, where
@@ -44,7 +32,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     from postproc.jobs.fit_base import fit_base
 
     cell = load_cell(options["cell"])
-    toolpath = read_cam(options["job"], options, cell) if options["job"] else None
+    toolpath = cli.read_cam(options["job"], options, cell) if options["job"] else None
     job = fit_base(options["points"], cell, base=options["base"], part=toolpath)
     content = job.document
     if options["output"] and job.good:
@@ -67,4 +55,4 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         f"{content['moved']['deg']:.4f} deg"
     )
     session.show(job.base_data)
-    return answer(job.good)
+    return cli.answer(job.good)

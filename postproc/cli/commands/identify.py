@@ -7,44 +7,36 @@ from typing import Any
 
 import click
 
-from postproc.cli.common import CELL, NUMBER, TOOL, Session, answer, option, standard_options
+from postproc.cli import common as cli
 
-EPILOG = """\b
-Examples:
+
+@cli.command("""
   postproc identify measured.csv --cell cell.toml -o model.toml
   postproc identify measured.csv --cell cell.toml -o model.toml --grid 150 --report stiffness.html
-"""
-
-
-@click.command(epilog=EPILOG)
+""")
 @click.argument("source", metavar="MEAS.csv")
-@CELL
-@TOOL
-@option("-o", "--output", required=True, metavar="MODEL.toml", help="Model to write.")
-@option(
+@cli.CELL
+@cli.TOOL
+@cli.option("-o, --output MODEL.toml", "Model to write.", required=True)
+@cli.option(
     "--method",
-    kind=("auto", "constant", "grid", "continuous"),
-    help="Kind of model; default: auto (smallest held-out error), or grid with --grid.",
+    "Kind of model; default: auto (smallest held-out error), or grid with --grid.",
+    ("auto", "constant", "grid", "continuous"),
 )
-@option("--grid", kind=NUMBER, metavar="MM", help="One stiffness per cell of this edge [mm].")
-@option(
-    "--origin",
-    nargs=3,
-    kind=NUMBER,
-    metavar="X Y Z",
-    help="Lowest corner of the grid [mm]; default: of the tool points.",
+@cli.option("--grid MM", "One stiffness per cell of this edge [mm].", cli.NUMBER)
+@cli.option(
+    "--origin X Y Z", "Lowest corner of the grid [mm]; default: of the tool points.", cli.NUMBER
 )
-@option(
+@cli.option(
     "--between-cells",
-    kind=("blend", "average"),
+    "Interpolate between cell centres, or average on faces only (the paper's rule).",
+    ("blend", "average"),
     default="blend",
-    help="Interpolate between cell centres, or average on faces only (the paper's rule).",
 )
-@option("--confidence", kind=NUMBER, default=0.9, help="Of the intervals, 0.5 to 0.999.")
-@option("--register", is_flag=True, help="Fit the tracker's frame and the reflector first.")
-@option("--report", metavar="FILE.html", help="Write a page with figures.")
-@standard_options
-def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
+@cli.option("--confidence", "Of the intervals, 0.5 to 0.999.", cli.NUMBER, default=0.9)
+@cli.option("--register", "Fit the tracker's frame and the reflector first.")
+@cli.option("--report FILE.html", "Write a page with figures.")
+def command(session: cli.Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
     """Identify joint stiffness from readings with and without load.
 
     Readings of one posture under different loads are compared with each other, so geometry errors
@@ -77,10 +69,10 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     _summary(session, job.document, options)
     for text in job.warnings:
         session.say(f"warning: {text}")
-    return answer(good=True)
+    return cli.answer(good=True)
 
 
-def _summary(session: Session, content: dict[str, Any], options: dict[str, Any]) -> None:
+def _summary(session: cli.Session, content: dict[str, Any], options: dict[str, Any]) -> None:
     session.show(f"model    {options['output']}: {content['method']} ({content['reason']})")
     session.show(
         f"loads    move the tool {content['deflection_mm']['mean']:.4f} mm on average, "

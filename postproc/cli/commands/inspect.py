@@ -6,29 +6,27 @@ from typing import Any
 
 import click
 
-from postproc.cli.common import Session, answer, option, reading, reading_options, standard_options
+from postproc.cli import common as cli
 
 
-@click.command(
-    epilog="Example: postproc inspect part.cls --json",
-    short_help="What was read from a CAM file, before any robot.",
-)
+@cli.command("""
+  postproc inspect part.cls --json
+""")
 @click.argument("source", metavar="INPUT", type=click.Path())
-@option("--cell", metavar="CELL.toml", help="Cell whose [import] says how files are read.")
-@reading_options
-@standard_options
-def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
+@cli.option("--cell CELL.toml", "Cell whose [import] says how files are read.")
+@cli.reading_options
+def command(session: cli.Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
     """Show what was read from INPUT: points, arcs, holes, tools, feeds, axes, box, lengths.
 
     Words that convert would refuse are listed with their lines; nothing is written.
     """
     from postproc.jobs.inspect import inspect
 
-    found = inspect(options["source"], options["cell"], **reading(options))
+    found = inspect(options["source"], options["cell"], **cli.reading(options))
     if session.json:
         session.document(found.document)
     else:
         for line in found.summary:
             session.show(line)
     session.findings(found.findings)
-    return answer(True)
+    return cli.answer(True)

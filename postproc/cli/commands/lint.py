@@ -6,40 +6,34 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from postproc.cli.common import Session, answer, option, standard_options
+from postproc.cli import common as cli
 
 if TYPE_CHECKING:
     from postproc.errors import Finding
 
-EPILOG = """\b
-Examples:
+
+@cli.command("""
   postproc lint out/panel.src
   postproc lint R1/Program --config R1/System/$config.dat --json
-"""
-
-
-@click.command(epilog=EPILOG)
+""")
 @click.argument("programs", metavar="PROGRAM...", nargs=-1, required=True, type=click.Path())
-@option(
-    "--config",
+@cli.option(
+    "--config FILE",
+    "Data list whose names are known, such as $config.dat; not linted itself.",
+    click.Path(),
     multiple=True,
-    metavar="FILE",
-    kind=click.Path(),
-    help="Data list whose names are known, such as $config.dat; not linted itself.",
 )
-@option(
-    "--routine",
+@cli.option(
+    "--routine NAME",
+    "Routine that is on the controller; may be given more than once.",
     multiple=True,
-    metavar="NAME",
-    help="Routine that is on the controller; may be given more than once.",
 )
-@option("--max-tool", default=16, help="MAX_TOOL of the controller.")
-@option("--max-base", default=32, help="MAX_BASE of the controller.")
-@option("--external-axes", kind=click.IntRange(0, 6), help="Number of external axes.")
-@option("--junit", metavar="FILE.xml", help="Write the outcome as JUnit XML, a case a file.")
-@option("--allow-zero", is_flag=True, help="Tool 0 and base 0 are intended.")
-@standard_options
-def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
+@cli.option("--max-tool", "MAX_TOOL of the controller.", default=16)
+@cli.option("--max-base", "MAX_BASE of the controller.", default=32)
+@cli.option("--external-axes", "Number of external axes.", click.IntRange(0, 6))
+@cli.option("--junit FILE.xml", "Write the outcome as JUnit XML, a case a file.")
+@cli.option("--allow-zero", "Tool 0 and base 0 are intended.")
+def command(session: cli.Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
     """Check KRL programs: .src and .dat files, or folders with all modules in them.
 
     Names must be unique over everything that is given. Of a single file its .dat and the modules
@@ -71,7 +65,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         for finding in findings:
             session.show(str(finding))
         session.show(_summary(findings, files))
-    return answer(not any(finding.severity is Severity.ERROR for finding in findings))
+    return cli.answer(not any(finding.severity is Severity.ERROR for finding in findings))
 
 
 def _cases(findings: tuple[Finding, ...], files: tuple[str, ...]) -> dict[str, dict[str, Any]]:

@@ -9,16 +9,7 @@ from typing import Any
 
 import click
 
-from postproc.cli.common import (
-    NOT_NEGATIVE,
-    NUMBER,
-    POSITIVE,
-    Session,
-    answer,
-    complete_robots,
-    option,
-    standard_options,
-)
+from postproc.cli import common as cli
 from postproc.errors import CellError, UsageError
 
 STARTS = ("program", "unit", "hand")
@@ -45,7 +36,7 @@ def ask(options: dict[str, Any], propose: Callable[[], bool], free_home: Callabl
         options["tool_axis"] = click.prompt(question, "+z", type=choice, err=True)
     if options["tool_mass"] is None:
         mass = click.prompt(
-            "Mass of the tool [kg], 0 = not known", 0.0, type=NOT_NEGATIVE, err=True
+            "Mass of the tool [kg], 0 = not known", 0.0, type=cli.NOT_NEGATIVE, err=True
         )
         options["tool_mass"] = mass or None
     _put(options, "tool_number", "TOOL number on the controller", "1", int)
@@ -101,7 +92,7 @@ def numbers(count: int) -> Callable[[str], tuple[float, ...]]:
     def read(text: str) -> tuple[float, ...]:
         try:
             words = text.replace(",", " ").split()
-            values = [NUMBER.convert(word, None, None) for word in words]
+            values = [cli.NUMBER.convert(word, None, None) for word in words]
         except click.BadParameter:
             values = []
         if len(values) != count:
@@ -118,7 +109,7 @@ def _home(text: str) -> tuple[float, ...]:
 def _feed(text: str) -> float | None:
     if not text.strip():
         return None
-    return POSITIVE.convert(text, None, None)
+    return cli.POSITIVE.convert(text, None, None)
 
 
 def _existing(text: str) -> str | None:
@@ -138,21 +129,6 @@ def _robot_name(text: str) -> str:
         raise click.BadParameter(problem.message) from None
 
 
-EPILOG = """\b
-Examples:
-  postproc new-cell -o cell.toml --robot kuka_kr500_r2830 --tool-xyz 107 0 362 --tool-axis +x
-  postproc new-cell --backup ARCHIVE.zip -o cell.toml
-  postproc new-cell --urdf kuka_quantec_support --tip tool0 -o cell.toml
-  postproc new-cell -o cell.toml --robot kuka_kr500_r2830 --tool-xyz 107 0 362 --tool-axis +x \\
-      --input part.cls --tool-number 7 --base-number 3 --home 0 -90 90 0 45 0 --feed 600 \\
-      --spindle program --spindle-rpm 3000
-  postproc new-cell -o cell.toml
-  postproc new-cell --keys
-"""
-_TRIPLE = (NUMBER, NUMBER, NUMBER)
-_SIX = (NUMBER,) * 6
-
-
 class _NewCell(click.Command):
     """Takes ``--home none`` beside six numbers."""
 
@@ -163,55 +139,58 @@ class _NewCell(click.Command):
         return super().parse_args(ctx, args)
 
 
-@click.command(cls=_NewCell, epilog=EPILOG)
-@option("-o", "--output", metavar="CELL.toml", help="File to write.")
-@option(
-    "--robot",
-    metavar="NAME",
-    shell_complete=complete_robots,
-    help="Built-in robot, see postproc robots.",
+@cli.command(
+    """
+  postproc new-cell -o cell.toml --robot kuka_kr500_r2830 --tool-xyz 107 0 362 --tool-axis +x
+  postproc new-cell --backup ARCHIVE.zip -o cell.toml
+  postproc new-cell --urdf kuka_quantec_support --tip tool0 -o cell.toml
+  postproc new-cell -o cell.toml --robot kuka_kr500_r2830 --tool-xyz 107 0 362 --tool-axis +x \\
+      --input part.cls --tool-number 7 --base-number 3 --home 0 -90 90 0 45 0 --feed 600 \\
+      --spindle program --spindle-rpm 3000
+  postproc new-cell -o cell.toml
+  postproc new-cell --keys
+""",
+    _NewCell,
 )
-@option("--backup", metavar="ARCHIVE", help="Backup of a KRC controller: ZIP or folder.")
-@option("--urdf", metavar="FILE", help="URDF or xacro file, or a folder with one robot.")
-@option("--tip", metavar="LINK", help="Flange link of the URDF.")
-@option("--name", help="Name of the cell; default: that of the file.")
-@option("--tool-xyz", kind=_TRIPLE, metavar="X Y Z", help="TCP in the flange [mm].")
-@option("--tool-abc", kind=_TRIPLE, metavar="A B C", help="Rotation of the TCP frame [deg].")
-@option("--tool-axis", kind=AXES, help="TCP axis that points into the part.")
-@option("--tool-mass", kind=NUMBER, metavar="KG", help="Mass of the tool [kg].")
-@option("--tool-number", kind=int, metavar="N", help="TOOL number; default: 1.")
-@option("--tool-mesh", multiple=True, metavar="FILE", help="Solid of the tool, in the flange.")
-@option("--workpiece-xyz", kind=_TRIPLE, metavar="X Y Z", help="CAM origin in robroot [mm].")
-@option("--workpiece-abc", kind=_TRIPLE, metavar="A B C", help="Rotation of CAM axes [deg].")
-@option("--base-number", kind=int, metavar="N", help="BASE number; default: 1.")
-@option(
-    "--workpiece-mesh", multiple=True, metavar="FILE", help="Solid of the part, in CAM coordinates."
+@cli.option("-o, --output CELL.toml", "File to write.")
+@cli.option(
+    "--robot NAME", "Built-in robot, see postproc robots.", shell_complete=cli.complete_robots
 )
-@option(
-    "--home",
-    kind=_SIX,
-    metavar="A1 .. A6|none",
-    help="Posture to begin and end in [deg]; default: a clear one is proposed.",
+@cli.option("--backup ARCHIVE", "Backup of a KRC controller: ZIP or folder.")
+@cli.option("--urdf FILE", "URDF or xacro file, or a folder with one robot.")
+@cli.option("--tip LINK", "Flange link of the URDF.")
+@cli.option("--name TEXT", "Name of the cell; default: that of the file.")
+@cli.option("--tool-xyz X Y Z", "TCP in the flange [mm].", cli.NUMBER)
+@cli.option("--tool-abc A B C", "Rotation of the TCP frame [deg].", cli.NUMBER)
+@cli.option("--tool-axis", "TCP axis that points into the part.", AXES)
+@cli.option("--tool-mass KG", "Mass of the tool [kg].", cli.NUMBER)
+@cli.option("--tool-number N", "TOOL number; default: 1.", int)
+@cli.option("--tool-mesh FILE", "Solid of the tool, in the flange.", multiple=True)
+@cli.option("--workpiece-xyz X Y Z", "CAM origin in robroot [mm].", cli.NUMBER)
+@cli.option("--workpiece-abc A B C", "Rotation of CAM axes [deg].", cli.NUMBER)
+@cli.option("--base-number N", "BASE number; default: 1.", int)
+@cli.option("--workpiece-mesh FILE", "Solid of the part, in CAM coordinates.", multiple=True)
+@cli.option(
+    "--home A1 .. A6|none",
+    "Posture to begin and end in [deg]; default: a clear one is proposed.",
+    cli.NUMBER,
+    nargs=6,
 )
-@option("--no-home", is_flag=True, hidden=True)
-@option("--spindle", kind=STARTS, help="Who starts the spindle.")
-@option(
-    "--spindle-rpm",
-    kind=NUMBER,
-    metavar="1/MIN",
-    help="Speed that the program starts it with where the CAM file gives none.",
+@cli.option("--no-home", hidden=True)
+@cli.option("--spindle", "Who starts the spindle.", STARTS)
+@cli.option(
+    "--spindle-rpm 1/MIN",
+    "Speed that the program starts it with where the CAM file gives none.",
+    cli.NUMBER,
 )
-@option("--feed", kind=NUMBER, metavar="MM/MIN", help="Feed where the CAM file gives none.")
-@option(
-    "--input",
-    metavar="INPUT",
-    help="CAM file: propose a place of the workpiece where the arm reaches all of it.",
+@cli.option("--feed MM/MIN", "Feed where the CAM file gives none.", cli.NUMBER)
+@cli.option(
+    "--input INPUT", "CAM file: propose a place of the workpiece where the arm reaches all of it."
 )
-@option("--units", kind=("mm", "inch", "m"), help="Of the CAM file.")
-@option("--force", is_flag=True, help="Overwrite an existing file.")
-@option("--keys", is_flag=True, help="Print the reference of all keys instead.")
-@standard_options
-def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
+@cli.option("--units", "Of the CAM file.", ("mm", "inch", "m"))
+@cli.option("--force", "Overwrite an existing file.")
+@cli.option("--keys", "Print the reference of all keys instead.")
+def command(session: cli.Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
     """Write a cell file with every key, its default and its meaning.
 
     With --backup it takes over the arm, soft limits, tools, bases, loads and home of a controller.
@@ -225,7 +204,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         page = cell_reference()
         session.document({"schema": "postproc.new_cell/1", "reference": page})
         session.show(page)
-        return answer(good=True)
+        return cli.answer(good=True)
     output = _output(options)
     if options["backup"]:
         return _from_backup(session, options, output)
@@ -251,10 +230,10 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     draft.write()
     session.document(draft.document)
     session.show(f"{output}: cell with {draft.robot}; edit it, then: postproc check {output}")
-    return answer(good=True)
+    return cli.answer(good=True)
 
 
-def _from_backup(session: Session, options: dict[str, Any], output: Path) -> int:
+def _from_backup(session: cli.Session, options: dict[str, Any], output: Path) -> int:
     """Write the cell of a controller."""
     from postproc.jobs.new_cell import draft_from_backup
 
@@ -268,7 +247,7 @@ def _from_backup(session: Session, options: dict[str, Any], output: Path) -> int
         f"{output}: cell with {draft.robot}, {counts}; give the tools their axis, then: "
         f"postproc check {output} --backup {options['backup']}"
     )
-    return answer(good=True)
+    return cli.answer(good=True)
 
 
 def _output(options: dict[str, Any]) -> Path:
@@ -281,7 +260,7 @@ def _output(options: dict[str, Any]) -> Path:
     return output
 
 
-def _tell(session: Session, place: Mapping[str, Any]) -> None:
+def _tell(session: cli.Session, place: Mapping[str, Any]) -> None:
     xyz, abc = (" ".join(f"{v:g}" for v in place[key]) for key in ("xyz_mm", "abc_deg"))
     session.say(
         f"workpiece at X Y Z {xyz} mm, A B C {abc} deg: all {place['tags']} tags are "

@@ -7,52 +7,37 @@ from typing import Any
 
 import click
 
-from postproc.cli.common import (
-    CELL,
-    NUMBER,
-    Session,
-    answer,
-    option,
-    read_cam,
-    reading_options,
-    standard_options,
-)
+from postproc.cli import common as cli
 
-EPILOG = """\b
-Examples:
+
+@cli.command("""
   postproc place holes.csv --cell cell.toml --box 1200 -600 300 2400 600 1200 -o cell2.toml
   postproc place part.cls --cell cell.toml --free xyzA --json
-"""
-
-
-@click.command(epilog=EPILOG)
+""")
 @click.argument("source", metavar="INPUT")
-@CELL
-@option(
-    "--box",
-    nargs=6,
-    kind=NUMBER,
-    metavar="X0 Y0 Z0 X1 Y1 Z1",
-    help="Where the part origin may be, in the robot root [mm]; of the robot in the world. "
+@cli.CELL
+@cli.option(
+    "--box X0 Y0 Z0 X1 Y1 Z1",
+    "Where the part origin may be, in the robot root [mm]; of the robot in the world. "
     "Without it: wherever the arm reaches, for a workpiece with a solid.",
+    cli.NUMBER,
 )
-@option(
+@cli.option(
     "--free",
-    kind=("xyz", "xyzA"),
+    "What may change: the position, or also the rotation about the vertical.",
+    ("xyz", "xyzA"),
     default="xyz",
-    help="What may change: the position, or also the rotation about the vertical.",
 )
-@option(
+@cli.option(
     "--move",
-    kind=("part", "rail", "robot"),
+    "What is moved: the part with all setups, the robot, or the rail with the robot on it.",
+    ("part", "rail", "robot"),
     default="part",
-    help="What is moved: the part with all setups, the robot, or the rail with the robot on it.",
 )
-@option("-o", "--output", metavar="CELL2.toml", help="Write the cell with the place found.")
-@option("--report", metavar="FILE.html", help="Write a page that shows how good places are.")
-@reading_options
-@standard_options
-def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
+@cli.option("-o, --output CELL2.toml", "Write the cell with the place found.")
+@cli.option("--report FILE.html", "Write a page that shows how good places are.")
+@cli.reading_options
+def command(session: cli.Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
     """Find the best place for a job: every tag in reach, then stiff, clear and unwound.
 
     Fixed solids stay where they are. A place is called good when the full plan there is: what
@@ -63,7 +48,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     from postproc.jobs.place import place
 
     cell = load_cell(options["cell"])
-    toolpath = read_cam(options["source"], options, cell)
+    toolpath = cli.read_cam(options["source"], options, cell)
     with session.progress() as progress:
         asked = {name: options[name] for name in ("free", "move")}
         job = place(toolpath, cell, options["box"], **asked, progress=progress)
@@ -89,4 +74,4 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         f"{searched['with_solids']} tried with solids, {searched['plans']} planned in full"
     )
     session.show("good: checked by a full plan" if job.good else "no good position was found")
-    return answer(job.good)
+    return cli.answer(job.good)

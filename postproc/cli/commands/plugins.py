@@ -6,18 +6,11 @@ import importlib
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-import click
-
-from postproc.cli.common import Session, answer, standard_options
+from postproc.cli import common as cli
 
 if TYPE_CHECKING:
     from postproc.registry import PluginInfo, Registry
 
-EPILOG = """\b
-Examples:
-  postproc plugins
-  postproc plugins --json
-"""
 _REGISTRIES = (
     ("postproc.readers", "READERS"),
     ("postproc.emitters", "EMITTERS"),
@@ -28,9 +21,11 @@ _REGISTRIES = (
 )
 
 
-@click.command(epilog=EPILOG)
-@standard_options
-def command(session: Session, /) -> int:
+@cli.command("""
+  postproc plugins
+  postproc plugins --json
+""")
+def command(session: cli.Session, /) -> int:
     """List readers, emitters, effects and objectives: name, origin, version.
 
     Installed packages add their own by the entry-point groups postproc.readers,
@@ -45,7 +40,7 @@ def command(session: Session, /) -> int:
     for info in infos:
         if info.problem:
             session.say(f"postproc: warning PLG003: {info} cannot be used: {info.problem}")
-    return answer(good=True)
+    return cli.answer(good=True)
 
 
 def _registry(module: str, name: str) -> Registry[Any]:

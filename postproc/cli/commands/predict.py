@@ -7,34 +7,22 @@ from typing import Any
 
 import click
 
-from postproc.cli.common import CELL, TOOL, Session, answer, option, standard_options
+from postproc.cli import common as cli
 
-EPILOG = """\b
-Example:
+
+@cli.command("""
   postproc predict measured.csv --cell cell.toml --model out/model.toml -o expected.csv
-"""
-
-
-@click.command(epilog=EPILOG)
+""")
 @click.argument("measurements", metavar="MEAS.csv")
-@CELL
-@TOOL
-@option("--model", metavar="MODEL.toml", help="What is known of the robot; else nominal.")
-@option(
+@cli.CELL
+@cli.TOOL
+@cli.option("--model MODEL.toml", "What is known of the robot; else nominal.")
+@cli.option(
     "--register",
-    "registered",
-    is_flag=True,
-    help="Fit the measured frame and the reflector anew on these rows; keep the effects.",
+    "Fit the measured frame and the reflector anew on these rows; keep the effects.",
 )
-@option(
-    "-o",
-    "--output",
-    required=True,
-    metavar="OUT.csv",
-    help="id,x_mm,y_mm,z_mm; with --model u95_mm,inside.",
-)
-@standard_options
-def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
+@cli.option("-o, --output OUT.csv", "id,x_mm,y_mm,z_mm; with --model u95_mm,inside.", required=True)
+def command(session: cli.Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
     """Write the tool point that the model expects for each row of a measurement file.
 
     The answer is in the robot root; in the measured frame where the model carries a registration
@@ -47,7 +35,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
 
     cell = load_cell(options["cell"]).for_tool(options["tool"])
     model = load_model(options["model"]) if options["model"] else None
-    prediction, rows = predict(options["measurements"], cell, model, options["registered"])
+    prediction, rows = predict(options["measurements"], cell, model, options["register"])
     write_files({Path(options["output"]): prediction.csv(rows.ids)})
     for remark in prediction.remarks:
         session.say(f"{options['measurements']}: {remark.line()}")
@@ -65,4 +53,4 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     session.show(
         f"{len(rows)} points; the measured ones lie {prediction.rms * 1e3:.4f} mm off (rms)"
     )
-    return answer(True)
+    return cli.answer(True)

@@ -6,31 +6,20 @@ from typing import Any
 
 import click
 
-from postproc.cli.common import (
-    NOT_NEGATIVE,
-    Session,
-    answer,
-    complete_robots,
-    option,
-    standard_options,
-)
+from postproc.cli import common as cli
 
-EPILOG = """\b
-Examples:
+
+@cli.command("""
   postproc robots
   postproc robots kuka_kr500_r2830 --json
   postproc robots "KR 210 R2700-2"
   postproc robots --reach 2800 --payload 300
-"""
-
-
-@click.command(epilog=EPILOG)
-@click.argument("name", required=False, shell_complete=complete_robots)
-@option("--reach", kind=NOT_NEGATIVE, metavar="MM", help="Only arms that reach this far [mm].")
-@option("--payload", kind=NOT_NEGATIVE, metavar="KG", help="Only arms that carry this much [kg].")
-@standard_options
+""")
+@click.argument("name", required=False, shell_complete=cli.complete_robots)
+@cli.option("--reach MM", "Only arms that reach this far [mm].", cli.NOT_NEGATIVE)
+@cli.option("--payload KG", "Only arms that carry this much [kg].", cli.NOT_NEGATIVE)
 def command(
-    session: Session, /, name: str | None, reach: float | None, payload: float | None
+    session: cli.Session, /, name: str | None, reach: float | None, payload: float | None
 ) -> int:
     """List the built-in robots, or all numbers of the robot NAME and where each is from.
 
@@ -50,7 +39,7 @@ def command(
         (document,) = robots(name)
         session.document({"schema": "postproc.robots/1", **document})
         session.show(_page(document))
-    return answer(good=True)
+    return cli.answer(good=True)
 
 
 _HEAD = ("name", "robot", "reach mm", "payload kg", "trust", "unknown or assumed")

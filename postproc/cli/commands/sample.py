@@ -7,114 +7,78 @@ from typing import Any
 
 import click
 
-from postproc.cli.common import (
-    CELL,
-    NUMBER,
-    TOOL,
-    NumberRange,
-    Session,
-    answer,
-    option,
-    read_cam,
-    reading,
-    reading_options,
-    standard_options,
-)
+from postproc.cli import common as cli
 
-EPILOG = """\b
-Examples:
+
+def _angles(context: click.Context, parameter: click.Parameter, text: str) -> list[float]:
+    return [cli.NUMBER.convert(word, parameter, context) for word in text.split(",")]
+
+
+@cli.command("""
   postproc sample --cell cell.toml --box 1500 -600 500 2100 600 1100 --grid 150 -o measure
   postproc sample --cell cell.toml --box 1500 -600 500 2100 600 1100 --grid 150 -o measure \\
       --method optimal --count 64 --load-kg 50 --force 0 300 0
   postproc sample --cell cell.toml --box 1500 -600 500 2100 600 1100 --for-diagnosis -o measure
   postproc sample --cell cell.toml --box 1500 -600 500 2100 600 1100 --for part.cls -o measure
-"""
-
-
-def _angles(context: click.Context, parameter: click.Parameter, text: str) -> list[float]:
-    return [NUMBER.convert(word, parameter, context) for word in text.split(",")]
-
-
-@click.command(epilog=EPILOG)
-@CELL
-@TOOL
-@option(
-    "--box",
+""")
+@cli.CELL
+@cli.TOOL
+@cli.option(
+    "--box X0 Y0 Z0 X1 Y1 Z1",
+    "Lowest and highest corner of the measured space, robot root frame [mm].",
+    cli.NUMBER,
     required=True,
-    nargs=6,
-    kind=NUMBER,
-    metavar="X0 Y0 Z0 X1 Y1 Z1",
-    help="Lowest and highest corner of the measured space, robot root frame [mm].",
 )
-@option("--grid", kind=NUMBER, default=150.0, help="Edge of a cell [mm].")
-@option("-o", "--output", required=True, metavar="DIR", help="Folder of the plan.")
-@option("--name", default="sample", help="Name of the files.")
-@option(
+@cli.option("--grid", "Edge of a cell [mm].", cli.NUMBER, default=150.0)
+@cli.option("-o, --output DIR", "Folder of the plan.", required=True)
+@cli.option("--name TEXT", "Name of the files.", default="sample")
+@cli.option(
     "--method",
-    kind=("grid", "optimal"),
+    "Every posture of the grid, or the --count most informative ones.",
+    ("grid", "optimal"),
     default="grid",
-    help="Every posture of the grid, or the --count most informative ones.",
 )
-@option(
+@cli.option(
     "--model",
-    kind=("constant", "grid", "continuous"),
+    "Model that --method optimal plans for.",
+    ("constant", "grid", "continuous"),
     default="continuous",
-    help="Model that --method optimal plans for.",
 )
-@option("--count", kind=click.IntRange(3, 5000), default=64, help="Postures.")
-@option(
+@cli.option("--count", "Postures.", click.IntRange(3, 5000), default=64)
+@cli.option(
     "--for-diagnosis",
-    is_flag=True,
-    help="Plan --count postures for diagnose instead, and say what they can show.",
+    "Plan --count postures for diagnose instead, and say what they can show.",
 )
-@option(
-    "--for",
-    "part",
-    metavar="INPUT",
-    help="CAM file of the job that it is for: as --for-diagnosis, little is left at its tags.",
+@cli.option(
+    "--for INPUT",
+    "CAM file of the job that it is for: as --for-diagnosis, little is left at its tags.",
 )
-@option(
-    "--axis",
-    kind=("x", "y", "z"),
-    default="y",
-    help="Axis of the tool frame about which the postures turn.",
+@cli.option(
+    "--axis", "Axis of the tool frame about which the postures turn.", ("x", "y", "z"), default="y"
 )
-@option(
-    "--angles",
-    default="-10,0,10",
-    metavar="DEG,DEG,...",
-    callback=_angles,
-    help="Angles of the postures.",
+@cli.option("--angles DEG,DEG,...", "Angles of the postures.", default="-10,0,10", callback=_angles)
+@cli.option(
+    "--orientation A B C",
+    "Tool orientation at angle 0 [deg]; default: the axis-parallel one that reaches most.",
+    cli.NUMBER,
 )
-@option(
-    "--orientation",
-    nargs=3,
-    kind=NUMBER,
-    metavar="A B C",
-    help="Tool orientation at angle 0 [deg]; default: the axis-parallel one that reaches most.",
+@cli.option("--load-kg", "Weight to hang on [kg]; default 50 without --force.", cli.NUMBER)
+@cli.option(
+    "--load-at X Y Z",
+    "Centre of gravity of that weight in the flange [mm]; default: the tool point.",
+    cli.NUMBER,
 )
-@option("--load-kg", kind=NUMBER, help="Weight to hang on [kg]; default 50 without --force.")
-@option(
-    "--load-at",
-    nargs=3,
-    kind=NUMBER,
-    metavar="X Y Z",
-    help="Centre of gravity of that weight in the flange [mm]; default: the tool point.",
-)
-@option(
-    "--force",
-    nargs=3,
-    kind=NUMBER,
+@cli.option(
+    "--force FX FY FZ",
+    "Further load: force at the tool point, axes of the robot root [N]; may be repeated.",
+    cli.NUMBER,
     multiple=True,
-    metavar="FX FY FZ",
-    help="Further load: force at the tool point, axes of the robot root [N]; may be repeated.",
 )
-@option("--wait", kind=NumberRange(0.0, 3600.0), default=5.0, help="Wait at a posture [s].")
-@option("--halt", is_flag=True, help="Wait for the operator at each posture instead.")
-@option("--speed", kind=NumberRange(1.0, 100.0), default=30.0, help="Axis speed [%].")
-@reading_options
-@standard_options
-def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
+@cli.option("--wait", "Wait at a posture [s].", cli.NumberRange(0.0, 3600.0), default=5.0)
+@cli.option("--halt", "Wait for the operator at each posture instead.")
+@cli.option("--speed", "Axis speed [%].", cli.NumberRange(1.0, 100.0), default=30.0)
+@cli.reading_options
+def command(session: cli.Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
     """Plan the measurement of joint stiffness over a box by space gridding.
 
     Writes NAME.csv to fill in with the measured points, NAME.src and NAME.dat that drive the robot
@@ -132,12 +96,12 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
 
     names = {"box": "box_mm", "grid": "grid_mm", "angles": "angles_deg", "load_at": "load_at_mm",
              "orientation": "orientation_deg", "force": "forces_N", "wait": "wait_s",
-             "speed": "speed_percent"}  # fmt: skip
-    own = options.keys() - {"cell", "output", *reading(options)}
+             "speed": "speed_percent", "for": "part"}  # fmt: skip
+    own = options.keys() - {"cell", "output", *cli.reading(options)}
     asked = {names.get(name, name): options[name] for name in own}
     cell = load_cell(options["cell"])
-    if options["part"]:
-        asked["part"] = read_cam(options["part"], options, cell)
+    if options["for"]:
+        asked["part"] = cli.read_cam(options["for"], options, cell)
     folder = Path(options["output"])
     with session.progress() as progress:
         plan = sample(cell, **asked, progress=progress)
@@ -145,10 +109,10 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     session.document(plan.document)
     show = _diagnosis_summary if "promise" in plan.document else _summary
     show(session, plan.document, folder / f"{options['name']}.csv")
-    return answer(good=True)
+    return cli.answer(good=True)
 
 
-def _diagnosis_summary(session: Session, content: dict[str, Any], file: Path) -> None:
+def _diagnosis_summary(session: cli.Session, content: dict[str, Any], file: Path) -> None:
     session.show(f"plan     {file}")
     session.show(f"postures {content['postures']}, readings {content['readings']}")
     promise = content["promise"]
@@ -166,7 +130,7 @@ def _diagnosis_summary(session: Session, content: dict[str, Any], file: Path) ->
         session.say(f"{' and '.join(pair['effects'])} of usual size cannot be told apart")
 
 
-def _summary(session: Session, content: dict[str, Any], file: Path) -> None:
+def _summary(session: cli.Session, content: dict[str, Any], file: Path) -> None:
     session.show(f"plan     {file}")
     session.show(
         f"cells    {content['cells']}, tags {content['tags_used']} of {content['tags']}, "

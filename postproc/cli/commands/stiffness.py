@@ -6,35 +6,22 @@ from typing import Any
 
 import click
 
-from postproc.cli.common import (
-    CELL,
-    NumberRange,
-    Session,
-    answer,
-    option,
-    read_cam,
-    reading_options,
-    standard_options,
-)
+from postproc.cli import common as cli
 
-EPILOG = """\b
-Examples:
+
+@cli.command("""
   postproc stiffness holes.csv --cell cell.toml -o stiffness.html
   postproc stiffness part.cls --cell cell.toml --model model.toml --json
-"""
-
-
-@click.command(epilog=EPILOG)
+""")
 @click.argument("source", metavar="INPUT")
-@CELL
-@option("-o", "--output", metavar="FILE.html", help="Write a page with the curves.")
-@option("--model", metavar="MODEL.toml", help="Joint stiffness of this model.")
-@option("--tags", metavar="NAME,NAME,...", help="Names of tags; default: the key tags.")
-@option("--most", kind=click.IntRange(1, 500), default=24, help="Key tags shown.")
-@option("--step", kind=NumberRange(0.1, 90.0), help="Step [deg]; default: the cell's.")
-@reading_options
-@standard_options
-def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
+@cli.CELL
+@cli.option("-o, --output FILE.html", "Write a page with the curves.")
+@cli.option("--model MODEL.toml", "Joint stiffness of this model.")
+@cli.option("--tags NAME,NAME,...", "Names of tags; default: the key tags.")
+@cli.option("--most", "Key tags shown.", click.IntRange(1, 500), default=24)
+@cli.option("--step", "Step [deg]; default: the cell's.", cli.NumberRange(0.1, 90.0))
+@cli.reading_options
+def command(session: cli.Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
     """Show the stiffness index over the rotation about the tool axis, per key tag.
 
     True stiffness along the tool axis, across the path and across the tool axis, and the paper's
@@ -47,7 +34,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
 
     cell, tags = load_cell(options["cell"]), options["tags"]
     found = stiffness(
-        read_cam(options["source"], options, cell),
+        cli.read_cam(options["source"], options, cell),
         cell,
         model=options["model"],
         tags=None if tags is None else [name.strip() for name in tags.split(",") if name.strip()],
@@ -70,4 +57,4 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         session.show(f"{tag['name']:>12}{several}  {value}")
     if content["coaxial"]:
         session.say("the tool axis is axis 6: spin does not change the stiffness")
-    return answer(found.good)
+    return cli.answer(found.good)

@@ -8,31 +8,26 @@ from pathlib import Path
 
 import click
 
-from postproc.cli.common import Session, option, standard_options
+from postproc.cli import common as cli
 from postproc.errors import ExitCode, SourceRef, UsageError
 
-EPILOG = """\b
-Examples:
-  postproc ui cell.toml panel.csv
-  postproc ui cell.toml
-  postproc ui cell.toml panel.csv --port 8800 --no-browser
-"""
 _NEEDED = ("starlette", "uvicorn")
 
 
-@click.command(epilog=EPILOG)
+@cli.command("""
+  postproc ui cell.toml panel.csv
+  postproc ui cell.toml
+  postproc ui cell.toml panel.csv --port 8800 --no-browser
+""")
 @click.argument("cell", metavar="CELL.toml")
 @click.argument("source", metavar="[INPUT]", required=False)
-@option(
-    "--port",
-    kind=click.IntRange(0, 65535),
-    default=0,
-    help="Default: a free one.",
-    show_default=False,
+@cli.option(
+    "--port", "Default: a free one.", click.IntRange(0, 65535), default=0, show_default=False
 )
-@option("--no-browser", is_flag=True, help="Only print the address.")
-@standard_options
-def command(session: Session, /, cell: str, source: str | None, port: int, no_browser: bool) -> int:
+@cli.option("--no-browser", "Only print the address.")
+def command(
+    session: cli.Session, /, cell: str, source: str | None, port: int, no_browser: bool
+) -> int:
     """Open a workbench: see a job, pin spins, move the part, save what CONVERT takes.
 
     It listens at 127.0.0.1 only, behind a random token in the address; nothing leaves the

@@ -8,51 +8,37 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from postproc.cli.common import (
-    CELL,
-    POSITIVE,
-    Session,
-    answer,
-    option,
-    read_cam,
-    reading_options,
-    standard_options,
-)
+from postproc.cli import common as cli
 from postproc.errors import headlines
 
 if TYPE_CHECKING:
     from postproc.cell import Cell
     from postproc.verification import VerifyReport
 
-EPILOG = """\b
-Examples:
+
+@cli.command("""
   postproc verify out/panel.src --cell cell.toml
   postproc verify out/panel.src --cell cell.toml --against panel.csv --json
   postproc verify out/panel.src --cell cell.toml --against panel.csv --report out/verify.html
   postproc verify out/panel.src --cell cell.toml --against panel.csv --model model.toml
   postproc verify out/panel.src --cell cell.toml --against panel.csv --path out/path.csv
-"""
-
-
-@click.command(epilog=EPILOG)
+""")
 @click.argument("program", metavar="PROGRAM.src", type=click.Path())
-@CELL
-@option("--against", metavar="INPUT", help="The CAM file that the program was made from.")
-@reading_options
-@option("--tol-mm", default=0.01, kind=POSITIVE, help="How far a point may be off the CAM file.")
-@option(
-    "--tol-deg", default=0.005, kind=POSITIVE, help="How far the tool axis may be off the CAM file."
+@cli.CELL
+@cli.option("--against INPUT", "The CAM file that the program was made from.")
+@cli.reading_options
+@cli.option("--tol-mm", "How far a point may be off the CAM file.", cli.POSITIVE, default=0.01)
+@cli.option(
+    "--tol-deg", "How far the tool axis may be off the CAM file.", cli.POSITIVE, default=0.005
 )
-@option(
-    "--model",
-    metavar="MODEL.toml",
-    help="Model of the arm: judge where the real, loaded tool lands (needs --against).",
+@cli.option(
+    "--model MODEL.toml",
+    "Model of the arm: judge where the real, loaded tool lands (needs --against).",
 )
-@option("--no-collisions", is_flag=True, help="Do not search for collisions.")
-@option("--report", metavar="FILE.html", help="Write a page that shows the run.")
-@option("--path", metavar="FILE.csv|.json", help="Write the simulated path, one row for each step.")
-@standard_options
-def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
+@cli.option("--no-collisions", "Do not search for collisions.")
+@cli.option("--report FILE.html", "Write a page that shows the run.")
+@cli.option("--path FILE.csv|.json", "Write the simulated path, one row for each step.")
+def command(session: cli.Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
     """Verify a KRL program from its text, with the sub-programs beside it.
 
     The program is run on the robot model of the cell: tool and base, branches and turns, limits,
@@ -78,7 +64,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
             session.say(f"{name} is left out: a program does not give {', '.join(missing)}")
     toolpath = None
     if options["against"]:
-        toolpath = read_cam(options["against"], options, cell)
+        toolpath = cli.read_cam(options["against"], options, cell)
     with session.progress() as progress:
         report = verify(
             options["program"],
@@ -100,7 +86,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     write_files(files)
     session.document(report.to_dict())
     _show(session, report, _measured(report, cell))
-    return answer(report.ok)
+    return cli.answer(report.ok)
 
 
 _UNKNOWN = 20
@@ -120,7 +106,7 @@ def _measured(report: VerifyReport, cell: Cell) -> list[tuple[str, ...]]:
     return rows
 
 
-def _show(session: Session, report: VerifyReport, measured: Sequence[Sequence[str]]) -> None:
+def _show(session: cli.Session, report: VerifyReport, measured: Sequence[Sequence[str]]) -> None:
     from postproc.units import MM
 
     for finding in (*report.violations, *report.warnings):
@@ -145,7 +131,7 @@ def _show(session: Session, report: VerifyReport, measured: Sequence[Sequence[st
     session.show(("good" if report.ok else f"{len(report.violations)} violations") + checked + but)
 
 
-def _show_coverage(session: Session, report: VerifyReport) -> None:
+def _show_coverage(session: cli.Session, report: VerifyReport) -> None:
     """Say which motions of the text are not known, where there are some."""
     found = report.coverage
     if found is None or not found.unknown:
