@@ -56,12 +56,7 @@ class Archive:
         return f"{self.path}/{name}"
 
     def read(self, name: str) -> bytes:
-        """Return the content of a file.
-
-        Raises:
-            ReadError: BAK003 for a file or sum of files too large to be of a controller, BAK004
-                for one that cannot be unpacked.
-        """
+        """Return the content of a file that is not too large to be of a controller."""
         if name not in self._read:
             left = MOST_BYTES_IN_ALL - sum(map(len, self._read.values()))
             most = min(MOST_BYTES, left)
@@ -91,12 +86,7 @@ class Archive:
 
 
 def open_archive(path: str | Path) -> Archive:
-    """Return the files of a ZIP or folder.
-
-    Raises:
-        ReadError: IO001 if nothing is there, BAK001 if it is neither ZIP nor folder, BAK002 if a
-            path in it leads out of it, BAK003 if it unpacks to too much, BAK004 if it is broken.
-    """
+    """Return the files of a ZIP or folder; BAK001 to BAK004 for one that cannot be trusted."""
     place = Path(path)
     if place.is_dir():
         return Archive(place.absolute(), dict(_files_of(place.absolute())))

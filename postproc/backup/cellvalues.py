@@ -24,15 +24,10 @@ _SPEED_TOLERANCE = 0.01
 
 
 def cell_values(controller: Controller, robot: Robot | None = None) -> tuple[Values, Remarks]:
-    """Return what a cell file takes over from a controller.
+    """Return what a cell file takes over from a controller: values as for ``cell_text``, remarks.
 
-    Args:
-        controller: as read from its backup.
-        robot: the arm, where the caller knows better than the files.
-
-    Returns:
-        Values nested by table as for ``cell_text``, and remarks by table: what the cell cannot
-        know, or takes over with a doubt. ``tools.0`` is the first tool.
+    The remarks, by table, say what the cell cannot know, or takes over with a doubt. ``robot``: the
+    arm, where the caller knows better than the files.
     """
     match = ArmMatch(robot, ("named by the caller",)) if robot else match_arm(controller.machine)
     values: Values = {}

@@ -101,12 +101,7 @@ class Controller:
 
 
 def read_backup(path: str | Path) -> Controller:
-    """Return what a backup says.
-
-    Raises:
-        ReadError: BAK001 to BAK006 if it is none, is broken or hostile, or holds no or more than
-            one robot; BAK007 if its robot is no six-axis arm with a central hand.
-    """
+    """Return what a backup says; BAK001 to BAK007 where it cannot be used."""
     archive = open_archive(path)
     layout = find_files(archive, str(path))
     data = read_variables(archive, layout.machine)
@@ -209,11 +204,7 @@ class Layout:
 
 
 def find_files(archive: Archive, path: str) -> Layout:
-    """Return where the robot's files are.
-
-    Raises:
-        ReadError: BAK006 if there is no robot, or more than one.
-    """
+    """Return where the robot's files are; BAK006 for no robot or several."""
     found = archive.names("R1", "Mada", "$machine.dat") or _of_bare_folder(archive)
     if len(found) != 1:
         raise ReadError("BAK006", *_wrong_count(archive, found, path))

@@ -145,9 +145,8 @@ def old_external_bases(
 ) -> list[tuple[int, list[float], list[float]]]:
     """Return index, ROOT and OFFSET of the ``EX_AX_DATA`` of a KRC2 that are not all zero.
 
-    Args:
-        config: ``$config.dat``; one with ``MACHINE_DEF`` is of a newer controller: none.
-        system: such as ``EASYS``; empty for all.
+    A ``$config.dat`` with ``MACHINE_DEF`` is of a newer controller: none. ``system``: such as
+    ``EASYS``; empty for all.
     """
     found = []
     for index in () if config.indices("MACHINE_DEF") else config.indices("EX_AX_DATA"):

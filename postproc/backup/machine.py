@@ -43,11 +43,7 @@ class Machine:
 
 
 def machine_of(data: Variables, robcor: Variables | None) -> Machine:
-    """Return the arm of machine data.
-
-    Raises:
-        ReadError: BAK007 if it is no six-axis arm with a central hand, or lengths are missing.
-    """
+    """Return the arm of machine data; BAK007 if it is no six-axis arm with a central hand."""
     _require_six_axis_arm(data)
     lengths = _lengths(data)
     notes = []

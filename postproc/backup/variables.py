@@ -70,11 +70,7 @@ def numbers_of(value: Any, keys: str) -> list[float] | None:  # noqa: ANN401 - a
 
 
 def read_variables(archive: Archive, name: str) -> Variables:
-    """Return the variables of a data list in a backup.
-
-    Raises:
-        ReadError: BAK005 if it is no data list, BAK003 and BAK004 as ``Archive.read``.
-    """
+    """Return the variables of a data list in a backup."""
     place = archive.place(name)
     text = decoded(archive.read(name))
     try:

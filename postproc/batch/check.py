@@ -53,9 +53,6 @@ def check_batch(
     """Make everything anew in memory and compare it with what stands in the folder.
 
     Nothing is written. A program in the folder whose input is gone counts as a difference.
-
-    Raises:
-        DataError: if the folder's manifest is none.
     """
     forget()
     manifest = Manifest.load(folder)

@@ -40,12 +40,9 @@ def run_in_child(
 ) -> JobResult:
     """Run a job in this thread's child process: what a worker of a cluster does.
 
-    Args:
-        job: what to do.
-        timeout: seconds, None = no limit.
-        memory: GiB of address space, None = no limit.
-        version: of the postproc that asks; another one here would make other programs.
-        folder: from which the names of files count: that of the call, not of the worker.
+    ``timeout`` [s], ``memory`` [GiB], None = no limit; ``version`` of the postproc that asks:
+    another one here would make other programs; ``folder`` from which the names of files count: that
+    of the call, not of the worker.
     """
     if version != __version__:
         line = f"{job.request.source}:1: error BAT033: the cluster has postproc {__version__}, "
@@ -62,9 +59,7 @@ def run_in_child(
 class Child:
     """The parent's end of one child process, which is started with the first job.
 
-    Args:
-        memory: GiB of address space, None = no limit.
-        folder: in which it runs, None = that of this process.
+    ``memory``: GiB of address space, None = no limit; ``folder``: in which it runs.
     """
 
     def __init__(self, memory: float | None, folder: str | None = None) -> None:

@@ -31,14 +31,8 @@ def run_local(
 ) -> Iterator[JobResult]:
     """Run jobs in worker processes; a hanging or dying worker costs only its own job.
 
-    Args:
-        jobs: what to do.
-        workers: number of processes.
-        timeout: seconds per job, None = no limit.
-        memory: GiB of address space per worker, None = no limit.
-
-    Yields:
-        Results in the order in which they finish.
+    ``timeout`` [s] per job, ``memory`` [GiB] per worker, None = no limit. Results are yielded in
+    the order in which they finish.
     """
     folder = os.getcwd()  # noqa: PTH109 - as text
     children = [Child(memory, folder) for _ in range(min(workers, len(jobs)))]
@@ -79,15 +73,8 @@ def run_dask(
 ) -> Iterator[JobResult]:
     """Run jobs on the Dask cluster at ``address``; inputs must be readable there.
 
-    Args:
-        jobs: what to do.
-        address: of the scheduler.
-        timeout: seconds per job, None = no limit.
-        memory: GiB of address space per job, None = no limit.
-
-    Raises:
-        PluginError: PLG008 if the cluster extra is not installed.
-        DataError: BAT031 if no scheduler answers.
+    Limits as of ``run_local``. PLG008 if the cluster extra is not installed, BAT031 if no scheduler
+    answers.
     """
     try:
         from distributed import Client

@@ -50,9 +50,6 @@ def find_inputs(patterns: Sequence[str]) -> list[str]:
 
     A pattern is a file, a folder (searched below for known endings), a glob, or ``@LIST``, a text
     file with one pattern a line; a file that is named there but missing is an input that fails.
-
-    Raises:
-        DataError: BAT001 if a pattern matches nothing, BAT006 if a list names itself.
     """
     found: dict[str, str] = {}
     for path in _all_matches(patterns, ()):
@@ -142,11 +139,7 @@ def _is_meant(pattern: str, source: str) -> bool:
 
 
 def load_overrides(path: str) -> Overrides:
-    """Read ``batch.toml``; cells and models are relative to the file.
-
-    Raises:
-        DataError: BAT002 for TOML errors, BAT003 for unknown keys and wrong values.
-    """
+    """Read ``batch.toml``; cells and models are relative to the file."""
     toml = load_toml(path, DataError, "BAT002")
     expected = "expected schema, [defaults], [[input]]"
     for key in toml.data:
@@ -241,11 +234,8 @@ def uniquely_named(jobs: Sequence[Job], recorded: Mapping[str, str]) -> list[Job
     """Return jobs with program names that are unique over the whole batch.
 
     Where two would get the same one, the first has it and the others get a mark made from their
-    path. So does one that had it already, as long as an input of another call has the plain name.
-
-    Args:
-        jobs: each with the name that it wants.
-        recorded: programs made before, by job key.
+    path. So does one that had it already, by the programs ``recorded`` by job key, as long as an
+    input of another call has the plain name.
     """
     keys, taken, named = {job.key for job in jobs}, set[str](), []
     others = {name.upper() for key, name in recorded.items() if key not in keys}

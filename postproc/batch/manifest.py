@@ -46,11 +46,7 @@ class Manifest:
 
     @classmethod
     def load(cls, folder: Path) -> Manifest:
-        """Read the manifest of a folder and the journal of a run that was cut off.
-
-        Raises:
-            DataError: BAT010 if the manifest is not one of ours.
-        """
+        """Read the manifest of a folder and the journal of a run that was cut off."""
         manifest = cls(folder)
         path = folder / NAME
         if path.exists():
@@ -172,13 +168,9 @@ def _is_entry(entry: Any) -> bool:  # noqa: ANN401 - whatever the file holds
 
 @contextmanager
 def folder_lock(folder: Path) -> Iterator[None]:
-    """Hold the folder for this process.
+    """Hold the folder for this process, or raise BAT011, BAT012.
 
     The lock is the system's own on an open file, so it ends with the process however that ends.
-
-    Raises:
-        DataError: BAT011 if another batch holds it (with its pid and start), BAT012 if the folder
-            cannot be written.
     """
     path = folder / LOCK
     try:
@@ -212,13 +204,9 @@ def _owner(path: Path) -> str:
 class Landing:
     """Puts results in place, one at a time, whatever the order in which they come.
 
-    A program belongs to the first job, in the order of the batch, that makes a program of this
-    name in any case: a later job fails, although it may have come first.
-
-    Args:
-        manifest: of the folder.
-        keys: of all jobs, in order.
-        owned: files of programs that do not belong to this batch, with the key of each.
+    A program belongs to the first job, in the order of the batch, that makes a program of this name
+    in any case: a later job fails, although it may have come first. ``owned``: files of programs
+    that do not belong to this batch, with the key of each.
     """
 
     def __init__(self, manifest: Manifest, keys: Sequence[str], owned: Mapping[str, str]) -> None:
@@ -238,9 +226,8 @@ class Landing:
     def land(self, result: JobResult, marks: Mapping[str, str]) -> JobResult:
         """Put a result's files in place, or remove those of an earlier result, and note it.
 
-        Returns:
-            The result, or an error: BAT013 if another job has a program of this name, IO003 if the
-            files cannot be written.
+        Returns the result, or an error: BAT013 if another job has a program of this name, IO003 if
+        the files cannot be written.
         """
         key, number = result.key, self._order[result.key]
         rivals = self._claim(key, result.files)

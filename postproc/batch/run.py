@@ -126,19 +126,9 @@ class BatchOutcome:
 def run_batch(
     jobs: Sequence[Job], folder: Path, options: BatchOptions, progress: Progress | None = None
 ) -> BatchOutcome:
-    """Bring a folder up to date with its jobs.
+    """Bring a folder up to date with its jobs; the manifest and all good programs are in place.
 
-    Args:
-        jobs: what shall be there.
-        folder: output folder; holds ``manifest.json``.
-        options: workers, limits, what to redo.
-        progress: called with (done, total, failed).
-
-    Returns:
-        What was done; the manifest and all good programs are in place.
-
-    Raises:
-        DataError: if another batch holds the folder or it cannot be written.
+    ``progress`` is called with (done, total, failed).
     """
     with folder_lock(folder):
         forget()
@@ -279,15 +269,7 @@ def call_of(
 ) -> tuple[list[Job], list[str]]:
     """Return the jobs of a call that can give programs, and remarks on its options.
 
-    Args:
-        inputs: files, folders, globs, ``@LIST``.
-        base: cell and options of all inputs.
-        options: of the run.
-        config: ``batch.toml``.
-
-    Raises:
-        DataError: BAT001 to BAT006 if inputs or options are wrong.
-        UsageError: as ``require_call``.
+    ``inputs``: files, folders, globs, ``@LIST``; ``base``: cell and options of all of them.
     """
     overrides = load_overrides(config) if config else Overrides({})
     sources = find_inputs(inputs)
@@ -302,10 +284,7 @@ def call_of(
 def require_call(jobs: Sequence[Job]) -> None:
     """Look at the cells, models and options of all jobs.
 
-    Raises:
-        UsageError: BAT004 if an input has no cell.
-        PostprocError: what is wrong with cell, model or options, if it is so for every input; else
-            the inputs concerned fail by themselves.
+    What is wrong for every input is raised; else the inputs concerned fail by themselves.
     """
     calls = {}
     for job in jobs:

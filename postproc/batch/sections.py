@@ -37,11 +37,7 @@ _NAME, _LABEL = 20, 13
 
 
 def parse_rule(text: str) -> tuple[str, float]:
-    """Return (kind, size) of ``region:MM``, ``count:N`` or ``operation``.
-
-    Raises:
-        DataError: BAT040 if the text is none of these.
-    """
+    """Return (kind, size) of ``region:MM``, ``count:N`` or ``operation``."""
     match = re.fullmatch(r"(region):(\d+(?:\.\d+)?)|(count):(\d+)|operation", text, re.ASCII)
     size = float(match[2] or match[4] or 1.0) if match else 0.0
     if not match or size <= 0:
@@ -105,14 +101,8 @@ def _events(path: ToolPath, rows: IndexArray) -> Iterator[Event]:
 def section_labels(path: ToolPath, rule: tuple[str, float]) -> list[tuple[str, IndexArray]]:
     """Return (label, rows) per section, in an order that one more hole does not change.
 
-    Operations and counts stand as in the input, regions line by line, back and forth.
-
-    Args:
-        path: as it is served (``as_served``): points to touch are holes.
-        rule: as of ``parse_rule``.
-
-    Raises:
-        DataError: BAT041 if the input is more than holes, which cannot be cut by region.
+    Operations and counts stand as in the input, regions line by line, back and forth. BAT041 if the
+    input, as it is served, is more than holes, which cannot be cut by region.
     """
     kind, size = rule
     key = {"region": _regions, "count": _counts, "operation": _operations}[kind](path, size)
@@ -203,13 +193,9 @@ def _section_name(stem: str, label: str) -> str:
 
 
 def split_job(job: Job, path: ToolPath, rule: tuple[str, float], taken: set[str]) -> list[Job]:
-    """Return one job per section of a job's toolpath, named after the section.
+    """Return one job per section of a job's toolpath, as it is served, named after the section.
 
-    Args:
-        job: the whole input; its name is unique over the batch.
-        path: its toolpath, as it is served.
-        rule: as of ``parse_rule``.
-        taken: upper-case names of other programs; the sections' are added.
+    ``taken``: upper-case names of other programs; the sections' are added.
     """
     stem = str(job.request.name)
     jobs = []
@@ -254,11 +240,7 @@ class Work:
 
 
 def expand(jobs: Sequence[Job], split: str | None) -> Work:
-    """Return jobs as they are, or cut into sections.
-
-    Raises:
-        DataError: BAT040 if the rule is none.
-    """
+    """Return jobs as they are, or cut into sections."""
     if split is None:
         return Work(list(jobs))
     rule = parse_rule(split)
@@ -275,11 +257,7 @@ def expand(jobs: Sequence[Job], split: str | None) -> Work:
 
 
 def caller_program(request: ConvertRequest, sections: Sequence[str]) -> Program:
-    """Return the program that runs those of the sections in order.
-
-    Raises:
-        DataError: BAT042 if the emitter has no such program.
-    """
+    """Return the program that runs those of the sections in order."""
     cell = request.cell_with_keys()
     program = emitter_of(cell).caller(str(request.name), sections)
     if program is None:

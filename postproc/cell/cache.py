@@ -28,12 +28,7 @@ _CACHE: OrderedDict[tuple[str, str], _Entry] = OrderedDict()
 
 
 def shared_cell(path: str) -> Cell:
-    """Return the cell of a file; the same object as long as none of its files changes.
-
-    Raises:
-        CellError: as ``load_cell``.
-        ReadError: if the file is missing or unreadable.
-    """
+    """Return the cell of a file; the same object as long as none of its files changes."""
     key = (path, str(Path(path).absolute()))
     entry = _CACHE.get(key)
     if entry is None or entry.marks != _marks(path, entry.cell):

@@ -33,16 +33,9 @@ _LIMITS = {"joint_margin_deg": DEG, "singularity_deg": DEG, "clearance_mm": MM}
 def edited_cell(cell: Cell, changes: Mapping[Location, object], output: str | Path) -> bytes:
     """Return the text of a cell file with values changed, as it is to stand at ``output``.
 
-    Paths in it that count from its folder are written anew where ``output`` has another one.
-
-    Args:
-        cell: as loaded from its file.
-        changes: value by place, such as ``("workpiece", "frame", "xyz_mm")``.
-        output: where it is to be written; what is there is not read.
-
-    Raises:
-        CellError: CEL040 for a cell without a file; as ``load_cell`` if the text is no cell.
-        DataError: CEL042 if a value cannot stand there.
+    Paths in it that count from its folder are written anew where ``output`` has another one; what
+    is there is not read. ``changes``: value by place, such as ``("workpiece", "frame", "xyz_mm")``.
+    CEL040 for a cell without a file, CEL042 if a value cannot stand there.
     """
     if not Path(cell.path).is_file():
         message = "the cell was not read from a file, so none can be changed"
@@ -121,13 +114,9 @@ def _solids(at: Location, solids: Sequence[MeshPlacement]) -> dict[Location, obj
 
 
 def refitted(tool: Tool, T_flange_tcp: FloatArray, axis: FloatArray, longer: float = 0.0) -> Tool:
-    """Return a tool with another tip and axis, as its file would have it.
+    """Return a tool with another tip (4, 4) and axis (3,), as its file would have it.
 
-    Args:
-        tool: as it is.
-        T_flange_tcp: (4, 4).
-        axis: (3,) in the TCP frame.
-        longer: how much longer the solid of its key ``cutter`` is [m].
+    ``longer``: how much longer the solid of its key ``cutter`` is [m].
     """
     meshes = tuple(
         cutter_solid(tool.diameter, solid.length + longer, T_flange_tcp, axis)

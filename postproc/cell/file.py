@@ -69,14 +69,7 @@ def load_cell(path: str | Path) -> Cell:
 
 
 def cell_toml(cell: Cell) -> TomlText:
-    """Return the file of a cell, to point at its keys; without any where there is no file.
-
-    Args:
-        cell: as loaded.
-
-    Raises:
-        CellError: CEL001 if the file has changed and is no TOML any more.
-    """
+    """Return the file of a cell, to point at its keys; without any where there is no file."""
     raw = read_bytes(cell.path) if Path(cell.path).is_file() else b""
     return parse_toml(raw, cell.path, CellError, "CEL001")
 
@@ -292,14 +285,7 @@ def _solid(table: Solid, name: str, file: Path | None) -> MeshPlacement:
 def cutter_solid(
     diameter: float, length: float, T_flange_tcp: FloatArray, axis: FloatArray
 ) -> MeshPlacement:
-    """Return the cylinder of a cutter, in the flange: its tip at the TCP.
-
-    Args:
-        diameter: [m].
-        length: from the tip back to the holder [m].
-        T_flange_tcp: (4, 4) of the tool.
-        axis: (3,) of the tool, in the TCP frame.
-    """
+    """Return the cylinder of a cutter [m], in the flange: from its tip at the TCP to the holder."""
     main = int(np.argmax(np.abs(axis)))
     R = np.roll(np.eye(3), 2 - main, axis=1)  # a proper rotation whose third column is ``main``
     return MeshPlacement(

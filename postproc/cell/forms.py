@@ -26,12 +26,7 @@ def cam_key(name: str | int) -> str:
 
 
 def check_forms(toml: TomlText, file: CellFile) -> None:
-    """Refuse both forms at once, and entries that cannot be told apart.
-
-    Raises:
-        CellError: CEL012 for both forms, CEL013 for one number or CAM name in two entries, CEL014
-            for routines that nothing calls.
-    """
+    """Refuse both forms at once, and entries that cannot be told apart: CEL012 to CEL014."""
     for short, form, what in _FORMS:
         if form not in file.model_fields_set:
             continue

@@ -88,11 +88,7 @@ def robot_notes(name: str) -> RobotNotes:
 
 
 def find_robot(name: str, source: SourceRef | None = None) -> str:
-    """Return the built-in robot that is meant: its name, title or $TRAFONAME in any spelling.
-
-    Raises:
-        CellError: CEL010 if no built-in robot, or more than one, has this name.
-    """
+    """Return the built-in robot that is meant: its name, title or $TRAFONAME in any spelling."""
     if name in _texts()[1]:
         return name
     found = _spellings().get(normal(name)) or _spellings().get(normal(type_of(name)))
@@ -121,18 +117,11 @@ def find_robot(name: str, source: SourceRef | None = None) -> str:
 
 
 def load_robot(name: str, source: SourceRef | None = None) -> Robot:
-    """Return a built-in robot, standing at the world's origin.
+    """Return a built-in robot, as ``find_robot`` finds it, standing at the world's origin.
 
     ``origins`` holds one entry for each field and, where the joints differ, one for each joint
     under ``field.A1`` .. ``field.A6``. What no source gives is NaN, accelerations apart: they are
     assumed such that a joint reaches full speed in half a second.
-
-    Args:
-        name: a built-in robot as ``find_robot`` finds it.
-        source: where the name was asked for, for the error.
-
-    Raises:
-        CellError: CEL010 if there is no such robot; the message names the nearest.
     """
     return _load(find_robot(name, source))
 
@@ -152,11 +141,7 @@ def unknown_arm(name: str, lengths_mm: list[float]) -> Robot:
 
 
 def require_numbers(cell: Cell) -> None:
-    """Refuse an arm without known limits or speeds where motions are planned or judged.
-
-    Raises:
-        CellError: CEL030 that names the key which gives them.
-    """
+    """Refuse an arm without known limits or speeds where motions are planned or judged."""
     problem = missing_numbers(cell)
     if problem is not None:
         raise problem

@@ -21,16 +21,11 @@ _LONG_FORM = {"tool": "tools", "workpiece": "bases"}
 
 
 def cell_text(values: Values, remarks: Mapping[str, Sequence[str]] | None = None) -> str:
-    """Return the text of a cell file.
+    """Return the text of a cell file with every table; keys without a value stand as comments.
 
-    Args:
-        values: what differs from the defaults, nested by table, such as
-            ``{"robot": {"model": "kuka_kr500_r2830"}}``; a list of tables has an entry for each.
-        remarks: comments by table, those of the file under ``""``, those of the first entry of a
-            list under ``tools.0``.
-
-    Returns:
-        TOML that holds every table; keys without a value stand there as comments.
+    ``values``: what differs from the defaults, nested by table, such as ``{"robot": {"model":
+    "kuka_kr500_r2830"}}``; a list of tables has an entry for each. ``remarks``: comments by table,
+    those of the file under ``""``, those of the first entry of a list under ``tools.0``.
     """
     said = remarks or {}
     lines = [*_comments(said.get("", ())), 'schema = "postproc.cell/1"']

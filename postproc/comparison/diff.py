@@ -156,11 +156,7 @@ def diff_files(
     name: str,
     tolerance: DiffTolerance | None = None,
 ) -> DiffReport:
-    """Compare two versions of a program and its sub-programs, files by name; ``name`` names it.
-
-    Raises:
-        KrlError: if one is no KRL.
-    """
+    """Compare two versions of a program and its sub-programs, files by name; ``name`` names it."""
     modules = [parse_files(files) for files in (old, new)]
     left, right = ({m.name.upper(): _Loaded.of(m) for m in one} for one in modules)
     return _compared(name, name, left, right, tolerance or DiffTolerance())
@@ -175,11 +171,7 @@ class _Loaded:
 
     @classmethod
     def of(cls, module: KrlModule) -> _Loaded:
-        """Return a module ready to compare.
-
-        Raises:
-            KrlError: if a controller could not load it.
-        """
+        """Return a module ready to compare, if a controller could load it."""
         require_sound([module])
         return cls(module, program_of([module], module.name, inline=False))
 

@@ -64,11 +64,7 @@ class Program:
 
 
 def program_of(modules: Sequence[KrlModule], name: str, inline: bool) -> Program:
-    """Return a module as lines to compare; a module without routines gives its data.
-
-    Raises:
-        KrlError: KRL009 if its blocks are not balanced.
-    """
+    """Return a module as lines to compare; a module without routines gives its data."""
     made = listing(modules, name, inline)
     trace = made.trace
     texts = tuple(_text(event, name.upper()) for event in trace.events)
@@ -127,12 +123,8 @@ def differences(
 ) -> tuple[list[Difference], Compared]:
     """Return the differences of two programs in the order of the old one.
 
-    Args:
-        old: one program.
-        new: the other.
-        position: shift up to which a target is the same [m].
-        angle_deg: likewise its turn, and that of axes [deg].
-        speed: share up to which a number of the state is the same.
+    Up to ``position`` [m] and ``angle_deg`` a target (an axis) is the same, up to the share
+    ``speed`` a number of the state.
     """
     pairs = align(*_lines(old, new))
     comparer = _Comparer(old, new, position, angle_deg, speed, pairs)

@@ -94,16 +94,7 @@ class Listing:
 
 
 def listing(modules: Sequence[KrlModule], name: str, inline: bool = True) -> Listing:
-    """Return the listing of a module.
-
-    Args:
-        modules: the module and, for ``inline``, those that it calls.
-        name: the module.
-        inline: list what is called at the place of the call; otherwise the call.
-
-    Raises:
-        KrlError: KRL009 if a block has no other half: the program would not load.
-    """
+    """Return the listing of a module; ``inline``: with what is called at the place of the call."""
     lister = _Lister(modules, inline)
     trace = lister.run(name)
     for finding in trace.findings:

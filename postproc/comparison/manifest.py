@@ -60,14 +60,8 @@ def accept(old: str | Path, new: str | Path) -> list[str]:
     """Copy a program with its sub-programs, or a folder's modules, over the old ones.
 
     Of folders, modules that the new one has no more are removed from the old one, and a batch's
-    manifest comes along. All other files stay as they are.
-
-    Returns:
-        The files that were written or removed, in order; empty if all were the same.
-
-    Raises:
-        KrlError: DIF002 if the two programs have different names; or if one is no KRL.
-        ReadError: if a file cannot be read or written.
+    manifest comes along. All other files stay as they are. Returns the files that were written or
+    removed. DIF002 if the two programs have different names.
     """
     left, right = Path(old), Path(new)
     if left.is_dir():

@@ -70,21 +70,13 @@ def with_shift_margin(cell: Cell) -> Cell:
 
 
 def compensate(plan: Plan, cell: Cell, model: str | ModelFile) -> Plan:
-    """Return the plan with shifted commands.
+    """Return the plan with shifted commands, long cuts in pieces.
 
-    Args:
-        plan: a plan without errors.
-        cell: with tool mass and process force.
-        model: ``model.toml``, its path or what was read from it.
-
-    Returns:
-        The plan, long cuts in pieces, with new q and T_base_tcp, ``compensation`` (m, 3) in the
-        workpiece frame and ``compensation_note``. Findings: PLN102 where a shifted pose leaves the
-        joint limits, CMP002 where the program does not settle, CMP003 for effects that a program
-        cannot compensate, CMP005 for points far from all that was measured.
-
-    Raises:
-        DataError: from the model file, or CMP001 if it asks for shifts beyond all reason.
+    It has new q and T_base_tcp, ``compensation`` (m, 3) in the workpiece frame and
+    ``compensation_note``. Findings: PLN102 where a shifted pose leaves the joint limits, CMP002
+    where the program does not settle, CMP003 for effects that a program cannot compensate, CMP005
+    for points far from all that was measured. CMP001 if the model asks for shifts beyond all
+    reason.
     """
     file = load_model(model) if isinstance(model, str) else model
     arm = RealArm.of(cell, file)

@@ -49,9 +49,8 @@ class Drive:
     def missed(self, place: FloatArray, point: FloatArray | None = None) -> FloatArray:
         """Return the way (k, 3) [m] to the real tool's path from places (k,) of the run.
 
-        Args:
-            place: motion and share, rising.
-            point: (k, 3) [m] robroot; None: where the command is there.
+        ``place``: motion and share, rising; ``point`` (k, 3) [m] robroot; None: where the command
+        is there.
         """
         at = np.interp(place, self.place, np.arange(len(self.place)))
         if point is None:
@@ -77,15 +76,9 @@ class Drive:
 def check_size(
     shift: FloatArray, file: ModelFile, parts: Callable[[], Mapping[str, FloatArray]] = dict
 ) -> None:
-    """Refuse shifts (n, 3) [m] that no real arm can need.
+    """Refuse shifts (n, 3) [m] that no real arm can need, asked for before a model fades: CMP001.
 
-    Args:
-        shift: asked for, before a model fades far from what was measured.
-        file: of the model.
-        parts: the shifts of its effects by name: the largest is named by its line.
-
-    Raises:
-        DataError: CMP001.
+    ``parts``: the shifts of its effects by name: the largest is named by its line.
     """
     largest = _most(shift)
     if not largest <= LARGEST:
@@ -105,11 +98,7 @@ def _most(shift: FloatArray) -> float:
 def driven(
     paths: Paths, cell: Cell, kinematics: Kinematics, effects: Mapping[str, FloatArray]
 ) -> Drive:
-    """Return a run in time under effects along the path.
-
-    Raises:
-        EmitError: CMP008 if external axes move in a path motion.
-    """
+    """Return a run in time under effects along the path; external axes stand in path motions."""
     _standing(paths, cell)
     place, time, way, q = _timed(paths, cell)
     even = np.arange(0.0, time[-1] + CYCLE, CYCLE)
@@ -209,8 +198,7 @@ def _timed(paths: Paths, cell: Cell) -> tuple[FloatArray, FloatArray, FloatArray
 def run_of(plan: Plan, cell: Cell, kinematics: Kinematics) -> tuple[Paths, IntArray]:
     """Return how a plan's program is run, and the motion (m,) of each move.
 
-    Raises:
-        EmitError: CMP007 if the emitter does not know, CMP004 if the program is another.
+    CMP007 if the emitter does not know, CMP004 if the program is another.
     """
     with EMITTERS.blame(cell.krl.emitter):
         paths = emitter_of(cell).paths(plan, cell, kinematics)

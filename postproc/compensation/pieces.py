@@ -42,15 +42,9 @@ def in_pieces(
     tolerance: float,
     step: float = SAMPLE_STEP,
 ) -> Plan:
-    """Return the plan with straight cuts divided where the real tool would leave the line.
+    """Return a plan with straight cuts divided where the real tool would leave the line.
 
-    Args:
-        plan: as planned, not compensated.
-        cell: its tool and blend.
-        kinematics: of its robot.
-        displacement: of the real tool under the load of the move.
-        tolerance: largest bend [m] of a piece.
-        step: way [m] between samples of a line.
+    ``tolerance``: largest bend [m] of a piece; ``step``: way [m] between samples of a line.
     """
     way = np.zeros(len(plan))
     way[1:] = np.linalg.norm(np.diff(plan.T_base_tcp[:, :3, 3], axis=0), axis=1)

@@ -87,13 +87,9 @@ def loads(
 ) -> FloatArray:
     """Return the wrench (n, 6) ON the tool at the tool point, axes of robroot [N, N*m].
 
-    Args:
-        q: (n, 6) joint angles [rad].
-        cell: with tool and process.
-        kinematics: of the robot.
-        working: (n,) rows in which the process force acts.
-        dead: add the tool's weight, where the cell gives mass and centre of gravity.
-        process: (n, 6) process wrench at and in axes of the TCP; None: the cell's for all.
+    At joint angles (n, 6) [rad]; the process force acts in rows ``working`` (n,): ``process`` (n,
+    6) at and in axes of the TCP, None: the cell's. ``dead``: with the tool's weight, where it is
+    known.
     """
     T = kinematics.fk(q)
     R_robroot_tcp = T[:, :3, :3] @ cell.tool.T_flange_tcp[:3, :3]
@@ -117,12 +113,10 @@ def real_point(
 ) -> FloatArray:
     """Return the real tool point (n, 3) [m], robroot, as it counts for the part.
 
-    An arm that is late is on the same path a moment later. What lateness (``qd`` in the
-    conditions) moves along the tool's way is therefore left out; across the way it counts. Outside
-    of what was measured the model is believed less and less.
-
-    Raises:
-        DataError: CMP001 if the effects ask for more than any arm is off by, faded or not.
+    An arm that is late is on the same path a moment later. What lateness (``qd`` in the conditions)
+    moves along the tool's way is therefore left out; across the way it counts. Outside of what was
+    measured the model is believed less and less. CMP001 if the effects ask for more than any arm is
+    off by, faded or not.
     """
     point, nominal = _acting(model, q, wrench, conditions), model.nominal(q)
     if model.file is not None:
@@ -172,11 +166,7 @@ class RealArm:
 
     @classmethod
     def of(cls, cell: Cell, file: ModelFile) -> RealArm:
-        """Return the arm of a cell with a model.
-
-        Raises:
-            DataError: from the model file.
-        """
+        """Return the arm of a cell with a model."""
         kinematics = build(cell.robot)
         file, along = split(file)
         models = tuple(

@@ -43,16 +43,11 @@ def sides_of(
     reach: FloatArray,
     lost: FloatArray,
 ) -> Sides:
-    """Return the sides at places of a run.
+    """Return the sides at places (motion, share) of a run.
 
-    Args:
-        paths: of the run.
-        cuts: motions that cut; those that follow each other are one stretch.
-        starts: motions that cut and at whose ends a stretch begins anew.
-        row: (r,) motions.
-        share: (r,) place on each, 0..1.
-        reach: (r,) way [m] in which a command goes from the middle of a gear to its side.
-        lost: (6,) way [rad] of each joint from one side of its gear to the other.
+    Cuts that follow each other are one stretch, but for those at whose ends it ``starts`` anew.
+    ``reach`` (r,): way [m] in which a command goes from the middle of a gear to its side; ``lost``
+    (6,): way [rad] of each joint from one side of its gear to the other.
     """
     samples = paths.in_order()
     q = forward_filled(samples.q)

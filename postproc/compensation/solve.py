@@ -42,15 +42,10 @@ def solve(
     wrench: FloatArray,
     conditions: Mapping[str, Any] | None = None,
 ) -> Compensated:
-    """Find commands whose loaded real tool point is the nominal tool point of ``q``.
+    """Find commands whose loaded real tool point is the nominal tool point of ``q`` (n, 6) [rad].
 
-    Args:
-        model: forward model of the real arm.
-        kinematics: nominal arm, which the controller computes with.
-        T_flange_tcp: (4, 4) tool.
-        q: (n, 6) planned joint angles [rad].
-        wrench: (n, 6) load on the tool at each pose, robroot.
-        conditions: further columns of the model: ``direction`` of approach, joint speeds ``qd``.
+    ``kinematics``: nominal, as the controller computes; ``wrench`` (n, 6): load on the tool at each
+    pose, robroot; ``conditions``: further columns: ``direction`` of approach, joint speeds ``qd``.
     """
     T_tcp_flange = inverse(T_flange_tcp)
     T_target = kinematics.fk(q) @ T_flange_tcp

@@ -36,12 +36,9 @@ def comes_down(plan: Plan) -> BoolArray:
 
 
 def with_points(plan: Plan, start: AnyIntArray, there: Plan) -> Plan:
-    """Return a plan with a point more behind the moves ``start`` (k,), each followed by a cut.
+    """Return a compensated plan with a point more behind moves (k,) that end where a cut starts.
 
-    Args:
-        plan: m moves, compensated.
-        start: moves that end where a cut starts.
-        there: k moves with the joints, poses and shifts of the points.
+    ``there``: k moves with the joints, poses and shifts of the points.
     """
     step = np.linalg.norm((there.T_base_tcp - plan.T_base_tcp[start])[:, :3, 3], axis=1)
     worth = np.flatnonzero(step > LEAST_STEP)

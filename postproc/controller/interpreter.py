@@ -62,17 +62,7 @@ MAX_SEARCHES = 200
 
 
 def run(modules: Sequence[krl.KrlModule], name: str, kinematics: Kinematics, world: World) -> Trace:
-    """Run a program.
-
-    Args:
-        modules: the program and what it calls.
-        name: module to start, in any case.
-        kinematics: of the robot, for relative motions and $POS_ACT.
-        world: frames and points of the controller.
-
-    Returns:
-        The executed motions; what could not be followed stands in its findings.
-    """
+    """Run a program of modules from the one named; what could not be followed are its findings."""
     return Interpreter(modules, kinematics, world).run(name)
 
 

@@ -27,14 +27,10 @@ _BRACKET = re.compile(rb"([A-Za-z_][A-Za-z_0-9]*)[ \t]*\(")
 def load_program(src_path: str | Path, *, on_controller: bool = False) -> tuple[KrlModule, ...]:
     """Return a module and those in the same folder that it calls or that set its frames.
 
-    Args:
-        src_path: the module to start.
-        on_controller: with files that declare GLOBAL what it calls, and those that it calls
-            elsewhere in the backup of a controller that the file lies in, and the global data
-            there. Where two files have a name, neither is taken; all that declare a routine are.
-
-    Raises:
-        KrlError: if a file is no KRL; KRL008 if the file has no routine.
+    ``on_controller``: with files that declare GLOBAL what it calls, and those that it calls
+    elsewhere in the backup of a controller that the file lies in, and the global data there. Where
+    two files have a name, neither is taken; all that declare a routine are. KRL008 if the file has
+    no routine.
     """
     path = Path(src_path)
     main = parse_module(path)

@@ -42,13 +42,7 @@ class Host(Protocol):
 
 
 class Motions:
-    """Executes motions and spline blocks.
-
-    Args:
-        evaluator: computes targets.
-        targets: completes them.
-        host: the interpreter.
-    """
+    """Executes motions and spline blocks."""
 
     def __init__(self, evaluator: Evaluator, targets: Targets, host: Host) -> None:
         self._evaluator = evaluator

@@ -202,12 +202,7 @@ STOPPING = ("$IN[", "$OUT[", "$ANIN[", "$ANOUT[", "$POS_ACT", "$AXIS_ACT")
 
 
 class AdvanceRun:
-    """Where the interpreter has last waited for the arm.
-
-    Args:
-        state: knows $ADVANCE.
-        recorder: knows the motions so far.
-    """
+    """Where the interpreter has last waited for the arm."""
 
     def __init__(self, state: MotionState, recorder: Recorder) -> None:
         self._state, self._recorder = state, recorder

@@ -219,12 +219,7 @@ def with_component(value: Any, path: tuple[str, ...], new: Any) -> Any:  # noqa:
 
 
 def converted(value: Any, type_name: str) -> Any:  # noqa: ANN401
-    """Return a value as a variable of a declared type takes it, None where it takes no such value.
-
-    Args:
-        value: a KRL value, ``UNKNOWN`` for one that is not known.
-        type_name: in upper case, empty for none.
-    """
+    """Return a KRL value as a variable of a declared type takes it, None where it does not."""
     if value is UNKNOWN or not type_name:
         return value
     is_number = isinstance(value, int | float) and not isinstance(value, bool)

@@ -261,12 +261,9 @@ class MotionState:
     # ------------------------------------------------------------------------------------------ BAS
 
     def bas(self, command: str, argument: Any, active: Mapping[str, Any]) -> bool:  # noqa: ANN401
-        """Run ``BAS(#command, argument)``; False if the command is not known.
+        """Run ``BAS(#command, argument)``; False if the command (in upper case) is not known.
 
-        Args:
-            command: without ``#``, upper case.
-            argument: second argument, ``UNKNOWN`` if not known.
-            active: FDAT_ACT, PDAT_ACT and LDAT_ACT as far as they are set.
+        ``active``: FDAT_ACT, PDAT_ACT and LDAT_ACT as far as they are set.
         """
         if command == "INITMOV":
             self._reset()

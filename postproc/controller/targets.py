@@ -21,11 +21,8 @@ from postproc.units import DEG
 class Targets:
     """Turns literals into targets and remembers the last one.
 
-    Args:
-        state: tool and base in force.
-        kinematics: for the pose of joint targets.
-        joints_now: returns the joints (6,) [rad] where the last motion ends, for relative joint
-            motions behind a Cartesian one; None if they cannot be found.
+    ``joints_now`` returns the joints (6,) [rad] where the last motion ends, for relative joint
+    motions behind a Cartesian one; None if they cannot be found.
     """
 
     def __init__(

@@ -33,11 +33,7 @@ SPEED = 1e-3
 
 
 def emitter_of(cell: Cell) -> Emitter:
-    """Return the emitter of a cell.
-
-    Raises:
-        EmitError: EMT340 if none has the name, EMT341 if its programs cannot be checked.
-    """
+    """Return the emitter of a cell, whose programs can be checked."""
     name = cell.krl.emitter
     if name not in EMITTERS:
         raise EmitError("EMT340", EMITTERS.unknown(name), SourceRef(cell.path))
@@ -53,26 +49,13 @@ def is_checkable(emitter: Emitter) -> bool:
 
 
 def emit(plan: Plan, cell: Cell) -> Program:
-    """Return the program of a plan, by the cell's emitter; it is not checked yet.
-
-    Raises:
-        EmitError: as ``emitter_of``, and from the emitter.
-        PluginError: PLG006 if a foreign emitter fails.
-    """
+    """Return the program of a plan, by the cell's emitter; it is not checked yet."""
     with EMITTERS.blame(cell.krl.emitter):
         return emitter_of(cell).emit(plan, cell)
 
 
 def read_back(program: Program, plan: Plan, cell: Cell, against: Against) -> ReadBack:
-    """Read a program back from its text and compare it with the plan.
-
-    Returns:
-        What the text says, with what is wrong among its findings.
-
-    Raises:
-        EmitError: as ``emitter_of``; EMT341 if the text cannot be read back.
-        PluginError: PLG006 if a foreign emitter fails.
-    """
+    """Read a program back from its text, and compare it with the plan: see its findings."""
     with EMITTERS.blame(cell.krl.emitter):
         read = emitter_of(cell).read_back(program, cell, against)
     if read is None:
@@ -81,11 +64,7 @@ def read_back(program: Program, plan: Plan, cell: Cell, against: Against) -> Rea
 
 
 def written(plan: Plan, cell: Cell) -> Program:
-    """Return the program of a plan that serves no CAM file, checked.
-
-    Raises:
-        EmitError: as ``emit`` and ``read_back``; EMT343 if the check finds an error.
-    """
+    """Return the program of a plan that serves no CAM file, checked."""
     program = emit(plan, cell)
     for finding in read_back(program, plan, cell, Against()).findings:
         if finding.severity is Severity.ERROR:
@@ -97,10 +76,8 @@ def written(plan: Plan, cell: Cell) -> Program:
 def motions_of(plan: Plan, is_path: BoolArray, q: FloatArray) -> IntArray | None:
     """Return the executed motion (m,) of each move, None if there is none for one of them.
 
-    Args:
-        plan: m moves.
-        is_path: (n,) whether an executed motion is along a path, else the joints go straight.
-        q: (n, 6) joint angles at the ends of executed motions [rad].
+    ``is_path`` (n,): whether an executed motion is along a path, else the joints go straight; ``q``
+    (n, 6): joint angles at their ends [rad].
     """
     paths = is_path.tolist()
     wanted = np.asarray(plan.kind) != MoveKind.PTP

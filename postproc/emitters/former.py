@@ -42,14 +42,9 @@ _TITLE = re.compile(rb"^;[ \t]*part \d+ of \d+: motions \d+ to \d+[ \t\r]*$", re
 
 
 def former_parts(folder: Path, name: str, files: Iterable[str]) -> Former:
-    """Return what stands in a folder beside a program as if it were one of its parts.
+    """Return what stands in a folder beside a program's files as if it were one of its parts.
 
     A part of ours that another program of the folder calls is foreign, too.
-
-    Args:
-        folder: may be missing.
-        name: of the program.
-        files: names of its files.
     """
     keep = {file.upper() for file in files}
     if not any(file.endswith(".SRC") for file in keep) or not folder.is_dir():

@@ -27,10 +27,7 @@ def arm_doubts(
 ) -> Iterator[Finding]:
     """Yield what says that the real arm may not do what the model of it does.
 
-    Args:
-        cell: arm and tools.
-        kinematics: of the arm.
-        toml: the cell file, which findings point into.
+    ``toml`` returns the cell file, which findings point into.
     """
     robot = cell.robot
     if "geometry" in robot.doubts:

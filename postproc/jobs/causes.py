@@ -91,13 +91,8 @@ def causes(
 ) -> tuple[Cause, ...]:
     """Return why a job fails, with what cures it; nothing where no tag has failed by its pose.
 
-    Args:
-        toolpath: what was read.
-        cell: as it is.
-        findings: errors of the plan.
-        converts: whether the whole job is good in a cell.
-        read: the input as it is read with a cell of another unit or tool axis.
-        progress: called with (done, total, what).
+    ``converts``: whether the whole job is good in a cell; ``read``: the input as it is read with a
+    cell of another unit or tool axis.
     """
     failing = {
         f.tag_index: f.code

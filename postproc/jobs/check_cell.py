@@ -134,11 +134,7 @@ def check(
 
 
 def check_cell(cell: Cell) -> CellCheck:
-    """Return what a loaded cell is and what is wrong with it.
-
-    Raises:
-        CellError: if a mesh file is broken or the robot's geometry cannot be used.
-    """
+    """Return what a loaded cell is and what is wrong with it."""
     kinematics = build(cell.robot)
     reachable = [_reachable_directions(cell, kinematics, base) for base in range(len(cell.bases))]
     toml = cell_toml(cell)

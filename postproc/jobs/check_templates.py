@@ -26,11 +26,7 @@ _OF_HOOKS = (
 
 
 def template_findings(cell: Cell) -> tuple[Finding, ...]:
-    """Return what is wrong with the cell's own templates; none where it has none.
-
-    Raises:
-        EmitError: EMT340 for an emitter that is not there.
-    """
+    """Return what is wrong with the cell's own templates; none where it has none."""
     folder = Path(cell.path).parent / cell.krl.template
     if not folder.is_dir():
         text = f"the cell has no templates of its own: [krl] template = {cell.krl.template!r}"

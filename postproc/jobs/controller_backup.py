@@ -12,11 +12,7 @@ from postproc.jobs.arm_doubts import finding_at
 
 
 def compare_backup(cell: Cell, path: str | Path) -> tuple[BackupComparison, tuple[Finding, ...]]:
-    """Return where a cell and a controller differ, also as findings with their line in the cell.
-
-    Raises:
-        ReadError: BAK001 to BAK007 if the backup cannot be used.
-    """
+    """Return where a cell and a controller differ, also as findings with their line in the cell."""
     comparison = compare(cell, read_backup(path))
     toml = cell_toml(cell)
     findings = []

@@ -202,13 +202,7 @@ def convert(
 def explained(
     conversion: Conversion, request: ConvertRequest, progress: Progress | None = None
 ) -> Conversion:
-    """Return a conversion that failed with its causes; each cure is one that was converted with.
-
-    Args:
-        conversion: of the request.
-        request: as it was.
-        progress: called with (done, total, what).
-    """
+    """Return a conversion that failed with its causes; each cure is one that was converted with."""
     if conversion.good or request.model:
         return conversion
     now = conversion.cell
@@ -239,12 +233,7 @@ def read_toolpath(request: ConvertRequest, cell: Cell) -> ToolPath:
 
 
 def with_pins(cell: Cell, toolpath: ToolPath, path: str) -> Cell:
-    """Return the cell with the pins of a file added to its own; those of the file count first.
-
-    Raises:
-        DataError: as ``read_pins``; PIN007 if no tag has the name.
-        ReadError: as ``read_pins``.
-    """
+    """Return the cell with the pins of a file added to its own; those of the file count first."""
     pins = read_pins(path)
     names = {toolpath.tag_name(tag) for tag in range(len(toolpath))}
     for pin in pins:
@@ -519,12 +508,7 @@ def land(
 ) -> tuple[tuple[str, ...], tuple[Finding, ...]]:
     """Write the program files and ``more`` whole, and remove the parts that a former one left.
 
-    Returns:
-        names of the files that were removed, and a finding where others stay.
-
-    Raises:
-        CellError: CEL902 if the folder is the name of a file.
-        ReadError: IO003 if a file cannot be written or removed.
+    Returns the names of the files that were removed, and a finding where others stay.
     """
     if folder.exists() and not folder.is_dir():
         raise CellError("CEL902", "the output is not a folder", SourceRef(str(folder)))

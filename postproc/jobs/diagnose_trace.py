@@ -52,11 +52,7 @@ class PathJob(Paged):
         return trace_page(self.found, self.document)
 
     def write(self, folder: str | Path) -> tuple[Path, ...]:
-        """Write ``report.html`` and ``model.toml`` and return their paths.
-
-        Raises:
-            ReadError: if the folder cannot be written.
-        """
+        """Write ``report.html`` and ``model.toml`` and return their paths."""
         files = {"report.html": self.page(), "model.toml": save_model(self.model)}
         return written(folder, files)
 
@@ -69,19 +65,7 @@ def diagnose_trace(
     program: str | Path | None = None,
     toolpath: ToolPath | None = None,
 ) -> PathJob:
-    """Return the diagnosis of a recorded path.
-
-    Args:
-        recording: the file.
-        cell: robot and tool.
-        model: what is known already.
-        progress: called with (done, total, what).
-        program: the KRL program that was run.
-        toolpath: the CAM file instead of it.
-
-    Raises:
-        DataError: if the file is wrong, or holds nothing beside the command (TRC006).
-    """
+    """Return the diagnosis of a recorded path, where given of a KRL program or a toolpath."""
     rows = read_recording(recording, progress)
     kinematics = build(cell.robot)
     path = None

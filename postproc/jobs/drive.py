@@ -86,9 +86,6 @@ def program_files(drive: Drive) -> Mapping[str, bytes]:
 
     A stop waits for the operator by itself: the program must run on a controller without the
     routines that a machining cell defines.
-
-    Raises:
-        EmitError: as ``emitters.written``.
     """
     return written(motion_plan(drive), drive.cell).files
 
@@ -178,14 +175,11 @@ _NEIGHBOURS = 8
 def with_free_ways(
     plan: SamplingPlan, are_free: AreFree | None
 ) -> tuple[SamplingPlan, tuple[str, ...], tuple[int, ...], tuple[int, ...]]:
-    """Return the plan with ways that are free.
+    """Return the plan with ways that are free, the names left out, the way, and the way back.
 
     Where the straight motion to the next posture collides, the way goes through other postures of
-    the plan. Postures without any free way to the largest connected group are left out.
-
-    Returns:
-        The plan; names of postures left out; the way of one pass: 1-based numbers of postures,
-        negative to pass without reading; and the numbers to pass on the way back to the first.
+    the plan. Postures without any free way to the largest connected group are left out. The way of
+    one pass is in 1-based numbers of postures, negative to pass without reading.
     """
     if are_free is None:
         return plan, (), tuple(range(1, len(plan) + 1)), ()
@@ -198,17 +192,11 @@ def with_free_ways(
 def free_ways(
     q: FloatArray, are_free: AreFree, via: FloatArray | None = None
 ) -> tuple[IntArray, FloatArray, tuple[int, ...], tuple[int, ...]]:
-    """Return ways through postures (n, 6) in their order, each straight where that is free.
+    """Return ways through postures (n, 6) [rad] in their order, each straight where that is free.
 
-    Args:
-        q: postures to stop at [rad].
-        are_free: whether straight ways are free.
-        via: (m, 6) further postures that ways may go through.
-
-    Returns:
-        The postures kept (k,), those of the largest connected group; all postures (j, 6) that ways
-        lead through, those kept first; the way: numbers of the latter from 1, negative to pass
-        without stopping; and the numbers to pass on the way back to the first.
+    The postures kept (k,), those of the largest connected group; all postures (j, 6) that ways lead
+    through, those kept first, ``via`` (m, 6) may be among them; the way: numbers of the latter from
+    1, negative to pass without stopping; and the numbers to pass on the way back to the first.
     """
     n = len(q)
     everything = np.arange(n, dtype=np.int32)

@@ -96,21 +96,13 @@ def read(
 
 
 def reading_of(cell: Cell | None, keys: Mapping[str, Any]) -> Reading:
-    """Return how files are read: as the keys of a call say, else as the cell does.
-
-    Raises:
-        TypeError: for a key that ``[import]`` does not have.
-    """
+    """Return how files are read: as the keys of a call say, else as the cell does."""
     own = Reading() if cell is None else cell.reading
     return own.with_keys(known_keys(keys, [key.name for key in fields(Reading)]))
 
 
 def known_keys(keys: Mapping[str, Any], known: Iterable[str] = CALL_KEYS) -> dict[str, Any]:
-    """Return what a call gives in place of keys of the cell.
-
-    Raises:
-        TypeError: for a key that is none of those known.
-    """
+    """Return what a call gives in place of keys of the cell; TypeError for a key that is none."""
     for name in keys:
         if name not in known:
             raise TypeError(f"no option {name!r}, known are {', '.join(known)}, recover")

@@ -41,15 +41,7 @@ class JobRows:
 
     @classmethod
     def of(cls, part: ToolPath, cell: Cell) -> JobRows:
-        """Return where the arm is last at each tag that it works on, as ``convert`` plans it.
-
-        Args:
-            part: in its own coordinates.
-            cell: that it is planned in.
-
-        Raises:
-            PlanError: STF029 where no tag can be driven to, or as ``plan`` raises.
-        """
+        """Return where the arm is last at each tag that it works on, as ``convert`` plans it."""
         plan = plan_toolpath(part, cell, PlanOptions(partial=True))
         tag, role = np.asarray(plan.tag), np.asarray(plan.role)
         works = np.flatnonzero((tag >= 0) & np.isin(role, (MoveRole.CUT, MoveRole.PLUNGE)))[::-1]

@@ -89,10 +89,7 @@ class Kept:
 def old_program(old: str, name: str) -> Path | None:
     """Return the program in ``old`` that one of this name replaces: a file, a folder, a manifest.
 
-    None where a folder or manifest has none of the name.
-
-    Raises:
-        DataError: PIN008 if there is nothing that could be kept from.
+    None where a folder or manifest has none of the name; PIN008 if there is nothing to keep from.
     """
     path = Path(old)
     folder = path.parent if path.suffix.lower() == ".json" else path
@@ -122,12 +119,7 @@ def digest_of(old: str) -> str:
 
 
 def poses_of(program: Path, cell: Cell) -> OldPoses:
-    """Return the poses of a program along paths, as it is run.
-
-    Raises:
-        KrlError: if it is no KRL.
-        DataError: PIN009 for the program of another arm.
-    """
+    """Return the poses of a program along paths, as it is run; PIN009 for that of another arm."""
     modules, kinematics = load_program(program), build(cell.robot)
     require_sound(modules)
     trace = run_in_cell(modules, program.stem, cell, kinematics)
@@ -163,11 +155,7 @@ def plan_kept(
 ) -> tuple[Plan, Kept]:
     """Return the plan that keeps the poses of an old program which it can, and how many.
 
-    Args:
-        toolpath: what was read.
-        cell: the cell.
-        old: the poses; None: there are none of this program.
-        make: returns the plan of a toolpath, which holds the poses of its column ``HELD``.
+    ``make`` returns the plan of a toolpath, which holds the poses of its column ``HELD``.
     """
     free = make(toolpath)
     if old is None or not len(old.T) or not len(free):

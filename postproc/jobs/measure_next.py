@@ -157,11 +157,7 @@ def files(found: NextMeasurements, diagnosis: Diagnosis, cell: Cell) -> dict[str
 
 
 def keep_readings(folder: Path) -> None:
-    """Refuse to write over a table that somebody has begun to fill in.
-
-    Raises:
-        DataError: GAP005.
-    """
+    """Refuse to write over a table that somebody has begun to fill in: GAP005."""
     path = folder / f"{NAME}.csv"
     if not path.is_file():
         return

@@ -84,16 +84,9 @@ class CellDraft:
 
 
 def draft_cell(options: dict[str, Any], output: Path, place: dict[str, Any]) -> CellDraft:
-    """Return the cell that options of ``new-cell`` describe.
+    """Return the cell that options of ``new-cell`` describe, to stand at ``output``.
 
-    Args:
-        options: as ``OPTIONS``; what is found for them is put in.
-        output: file of the cell; nothing is written.
-        place: of the workpiece, where one was proposed before.
-
-    Raises:
-        CellError: if the cell could not be loaded, CEL016 if the workpiece finds no place.
-        UsageError: CLI011 to CLI013 if the call is wrong.
+    What is found for options is put in; ``place``: of the workpiece, where one was proposed before.
     """
     files = _urdf_files(options, output)
     if options["input"] and options["workpiece_xyz"] is None:
@@ -107,13 +100,7 @@ def draft_cell(options: dict[str, Any], output: Path, place: dict[str, Any]) -> 
 
 
 def draft_from_backup(archive: str | Path, options: Mapping[str, Any], output: Path) -> CellDraft:
-    """Return the cell of a controller.
-
-    Raises:
-        CellError: CEL010 for an unknown robot.
-        ReadError: BAK001 to BAK007 if the backup cannot be used.
-        UsageError: CLI012 for an option beside it: it says that itself, or the cell is edited.
-    """
+    """Return the cell of a controller."""
     given = [key for key in OPTIONS if options[key] not in (None, ()) and key not in _BESIDE_BACKUP]
     if given:
         option = f"--{given[0].replace('_', '-')}"
@@ -134,11 +121,7 @@ def draft_from_backup(archive: str | Path, options: Mapping[str, Any], output: P
 
 
 def require_free(output: Path, force: bool) -> None:
-    """Refuse to write over a file.
-
-    Raises:
-        UsageError: CLI011.
-    """
+    """Refuse to write over a file: CLI011."""
     if output.exists() and not force:
         raise UsageError(
             "CLI011", "is there already", SourceRef(str(output)), "--force overwrites it"
@@ -170,12 +153,7 @@ def _must_be_an_arm(text: bytes, source: Path, tip: str | None) -> None:
 
 
 def propose_place(options: dict[str, Any], output: Path) -> dict[str, Any]:
-    """Put a place of the workpiece for the CAM file into the options; return what it is for JSON.
-
-    Raises:
-        CellError: CEL016 if there is none.
-        ReadError: if the file cannot be read.
-    """
+    """Put a place of the workpiece for the CAM file into the options; return it for JSON."""
     text = cell_text(_values(options, output)).encode("utf-8")
     cell = parse_cell(text, output)
     axis = tuple(float(v) for v in cell.tool.axis)

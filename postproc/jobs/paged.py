@@ -10,11 +10,7 @@ from postproc.files import write_files
 
 
 def written(folder: str | Path, files: Mapping[str, bytes]) -> tuple[Path, ...]:
-    """Write files of a job into a folder, whole or not at all, and return their paths.
-
-    Raises:
-        ReadError: if the folder cannot be written.
-    """
+    """Write files of a job into a folder, whole or not at all, and return their paths."""
     contents = {Path(folder) / name: content for name, content in files.items()}
     write_files(contents)
     return tuple(contents)

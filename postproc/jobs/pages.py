@@ -65,12 +65,7 @@ def workbench_data(conversion: Conversion) -> bytes:
 
 
 def program_text(files: Mapping[str, bytes], read: ReadBack | None) -> ProgramText | None:
-    """Return the line and the target of every motion, None where the emitter does not tell them.
-
-    Args:
-        files: bytes by file name, as written.
-        read: what was read back from them.
-    """
+    """Return the line and the target of every motion, None where the emitter does not tell them."""
     if not files or read is None or read.file is None or read.line is None or read.point is None:
         return None
     texts = tuple(unix_text(files[name]) if name in files else "" for name in read.files)
@@ -99,16 +94,7 @@ def page_of_cell(checked: CellCheck) -> bytes:
 def page_of_verification(
     report: VerifyReport, cell: Cell, toolpath: ToolPath | None = None
 ) -> bytes:
-    """Return the page of a verification.
-
-    Args:
-        report: with its run.
-        cell: the cell that the program was run in.
-        toolpath: the CAM file that it was compared with.
-
-    Raises:
-        ValueError: if the report has no run.
-    """
+    """Return the page of a verification, whose report has its run."""
     if report.run is None:
         raise ValueError("a report without its run cannot be shown")
     paths, texts = report.run.paths, texts_by_motion(report)

@@ -33,20 +33,10 @@ def readings(
 ) -> MeasurementSet:
     """Return the rows of one campaign, in the units of their columns; remarks say what was wrong.
 
-    Unless ``every_row`` or ``any_reading``, all of them have three coordinates.
-
-    Args:
-        paths: the files.
-        kinematics: of the cell's robot.
-        cell: with its tool.
-        model: its registration says where the readings are; None: in the robot root.
-        register: the measured frame is unknown.
-        every_row: the answer has a line for each row: none is left out.
-        any_reading: rows may read one or two numbers of their point, or its distance.
-
-    Raises:
-        DataError: if a file is wrong or lacks a column; for ``every_row`` if a row lacks a joint
-            angle or any reading (MEA007), else if many lack a coordinate (MEA013).
+    ``model``: its registration says where the readings are; None: in the robot root; ``register``:
+    the measured frame is unknown. ``every_row``: the answer has a line for each row, none is left
+    out; ``any_reading``: rows may read one or two numbers of their point, or its distance; without
+    both, all of them have three coordinates.
     """
     rows = read_campaign(paths, set_aside=not every_row)
     if not every_row:

@@ -108,18 +108,11 @@ def plan_diagnosis(
     part: ToolPath | None = None,
     progress: Progress | None = None,
 ) -> DiagnosisPlan:
-    """Plan a campaign for ``diagnose``.
+    """Plan a campaign for ``diagnose``; ``part``: the job that it is for.
 
-    Args:
-        cell: robot, tool, solids.
-        request: box, loads and ``count`` of postures; its grid and angles are not used.
-        part: job that the campaign is for: postures are chosen for where the arm drives in it.
-        progress: called with (done, total, what).
-
-    Raises:
-        CellError: CEL030 for an arm with unknown limits or speeds.
-        PlanError: STF029 where no tag of the job can be driven to, or as ``plan`` raises.
-        StiffnessError: STF022 where no posture can be taken, STF024 for fewer than 12.
+    Postures are chosen for where the arm drives in that job. The grid and angles of the request are
+    not used. STF022 where no posture can be taken, STF024 for fewer than 12, STF029 where no tag of
+    the job can be driven to.
     """
     if request.count < 4 * REVISITED:
         raise StiffnessError("STF024", f"a diagnosis needs at least {4 * REVISITED} postures")

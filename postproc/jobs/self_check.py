@@ -111,12 +111,8 @@ def self_check(
 ) -> list[dict[str, Any]]:
     """Return for each effect and size how often it was named, missed, and what was blamed.
 
-    Args:
-        diagnosis: of the campaign's own rows.
-        cell: robot and tool.
-        given: what the simulation knows already.
-        trials: arms of each effect and size.
-        progress: called with (done, total, what).
+    ``diagnosis`` of the campaign's own rows, ``given`` what the simulation knows already,
+    ``trials`` arms of each effect and size.
     """
     bench = _Bench(diagnosis, build(cell.robot), cell, given)
     wanted = list(_shown(diagnosis))

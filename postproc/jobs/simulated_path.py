@@ -40,11 +40,7 @@ class _Steps:
 
 
 def check_path_name(name: str | None) -> None:
-    """Refuse a file whose name says no form that a path is written in.
-
-    Raises:
-        UsageError: CLI015.
-    """
+    """Refuse a file whose name says no form that a path is written in: CLI015."""
     if name is not None and Path(name).suffix.lower() not in _SUFFIXES:
         text = f"--path {name}: expected a name that ends in .csv or .json"
         raise UsageError("CLI015", text)
@@ -53,17 +49,10 @@ def check_path_name(name: str | None) -> None:
 def path_file(
     name: str, report: VerifyReport, cell: Cell, toolpath: ToolPath | None = None
 ) -> bytes:
-    """Return the simulated path of a verified program.
+    """Return the simulated path of a verified program: CSV, or JSON with the same rows.
 
-    Args:
-        name: ends in ``.csv`` or ``.json``.
-        report: with its run.
-        cell: the cell that it was run in.
-        toolpath: the CAM file it was compared with, which names the tags.
-
-    Returns:
-        CSV, or JSON with the same rows. A cell is empty, or null, where a number is not
-        known: out of reach, or clearance without solids.
+    A cell is empty, or null, where a number is not known: out of reach, or clearance without
+    solids. The toolpath that the program was compared with names the tags.
     """
     columns = _columns(report, cell, toolpath)
     if Path(name).suffix.lower() == ".json":

@@ -91,13 +91,7 @@ the chosen preset has a ``*``."""
 
 
 def outcomes(chosen: Plan, cell: Cell, planned: Callable[[Cell], Plan]) -> tuple[Outcome, ...]:
-    """Return what each preset makes of a toolpath, stiffest first.
-
-    Args:
-        chosen: the plan of the cell's own preset.
-        cell: with that preset.
-        planned: the plan in another cell.
-    """
+    """Return what each preset makes of a toolpath, stiffest first; ``chosen``: the cell's own."""
     own = cell.optimize.preset
     result = []
     for preset in (Preset.STIFFEST, Preset.BALANCED, Preset.FASTEST):

@@ -25,13 +25,10 @@ _ON_IT = 2.0 * SINGLE["mm"].factor
 
 
 def check_units(toolpath: ToolPath, cell: Cell) -> None:
-    """Ask for the unit of length where mm is assumed, and only another one fits the cell.
+    """Ask for the unit of length (CNV013) where mm is assumed, and only another one fits the cell.
 
     That is where no tag is within reach, or all lie off the solid of the workpiece, and in metres
     or inches all are within reach, or on it.
-
-    Raises:
-        ReadError: CNV013.
     """
     assumed = "lengths in mm" in {text.partition(", as ")[0] for text in toolpath.assumed} and not (
         any("feeds" in text for text in toolpath.assumed if "lengths" in text)  # MMPM proves mm

@@ -73,11 +73,7 @@ def verify(
 
 
 def at_least(name: str, value: float, *, or_zero: bool = False) -> float:
-    """Return a tolerance that differences can be held against: against NaN, none is too large.
-
-    Raises:
-        UsageError: VER003 if it is none.
-    """
+    """Return a tolerance that differences can be held against: against NaN, none is too large."""
     is_number = isinstance(value, int | float) and math.isfinite(value)
     if is_number and (value > 0.0 or (or_zero and value == 0.0)):
         return value

@@ -37,16 +37,9 @@ def workpiece_place(
     Every tag is in reach there, its stroke and the way out of it too, also where the part is off by
     ``SHIFT``. Solids are not asked: ``convert`` checks collisions. ``xyz_mm``, ``abc_deg``: CAM
     coordinates in the robot root; ``margin_deg``: how far every tag can be reached from joint
-    limits and the straight wrist, beyond what the cell asks; ``tags``: how many.
-
-    Args:
-        toolpath: what was read; the tool in work serves all of it.
-        cell: robot, tool and limits.
-        abc_deg: orientation of the CAM axes to keep; None: the tool stands upright, or points away
-            from the robot where that leaves more margin.
-
-    Raises:
-        CellError: CEL016 if no place is found, or the arm has no closed-form inverse kinematics.
+    limits and the straight wrist, beyond what the cell asks; ``tags``: how many. ``abc_deg`` to
+    keep; None: the tool stands upright, or points away from the robot where that leaves more
+    margin. CEL016 if no place is found, or the arm has no closed-form inverse kinematics.
     """
     require_numbers(cell)
     kinematics, where = build(cell.robot), SourceRef(toolpath.path)

@@ -74,8 +74,7 @@ class Assignment:
 def assign(toolpath: ToolPath, cell: Cell) -> Assignment:
     """Return what each tag means in a cell; done twice it is as done once.
 
-    Raises:
-        CellError: if no tag at all has a tool and a base, with what the file asks for.
+    CellError if no tag at all has a tool and a base, with what the file asks for.
     """
     assigner = _Assigner(toolpath, cell)
     tool, base = assigner.tools(), assigner.bases()

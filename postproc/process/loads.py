@@ -31,22 +31,17 @@ def load_cases(toolpath: ToolPath, cell: Cell) -> tuple[list[FloatArray], IntArr
 
 
 def weight_wrench(mass: float, gravity: FloatArray, lever: FloatArray) -> FloatArray:
-    """Return the wrench (n, 6) of a weight at another point of the body that it hangs on.
+    """Return the wrench (n, 6) of a mass [kg] at another point of the body that it hangs on.
 
-    Args:
-        mass: [kg].
-        gravity: (3,) [m/s^2].
-        lever: (n, 3) from that point to the weight [m], axes of ``gravity``.
+    ``lever`` (n, 3): from that point to the weight [m], axes of ``gravity`` (3,) [m/s^2].
     """
     return moved_wrench(np.tile([*(mass * gravity), 0.0, 0.0, 0.0], (len(lever), 1)), lever)
 
 
 def moved_wrench(wrench: ArrayLike, lever: ArrayLike) -> FloatArray:
-    """Return the same wrench (..., 6) stated at another point.
+    """Return a wrench (..., 6) stated at another point.
 
-    Args:
-        wrench: (..., 6) at its point of attack.
-        lever: (..., 3) [m] from the new point to the point of attack, axes of the wrench.
+    ``lever`` (..., 3) [m]: from the new point to the point of attack, axes of the wrench.
     """
     w = np.asarray(wrench, dtype=np.float64)
     arm = np.broadcast_to(np.asarray(lever, dtype=np.float64), (*w.shape[:-1], 3))

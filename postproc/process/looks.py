@@ -45,9 +45,7 @@ def stationary(toolpath: ToolPath) -> BoolArray:
 def looks(toolpath: ToolPath, outward: FloatArray | None = None) -> tuple[Finding, ...]:
     """Return one warning for each look at a toolpath that shows something wrong.
 
-    Args:
-        toolpath: as it was read.
-        outward: (n, 3) outward normals of the workpiece at the tags, NaN where there are none.
+    ``outward``: normals (n, 3) of the workpiece at the tags, NaN where there are none.
     """
     found = (look(toolpath, outward) for look in LOOKS)
     return tuple(finding for finding in found if finding is not None)

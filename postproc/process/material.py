@@ -117,14 +117,9 @@ def on_the_way_out(
 ) -> BoolArray:
     """Return which tools (n,) stand on the way out of a cut: the cutting solid may touch there.
 
-    On a straight motion between two such poses it may touch all along.
-
-    Args:
-        cut: (n, 3) [m] where the cut has ended, NaN without one.
-        cut_axis: (n, 3) tool axis there, unit, into the part.
-        point: (n, 3) [m] of the tool tip, in the same axes.
-        axis: (n, 3) of the tool.
-        slack: how far [m] the points may be off what they stand for.
+    On a straight motion between two such poses it may touch all along. ``cut`` (n, 3) [m]: where
+    the cut has ended, NaN without one; ``cut_axis`` (n, 3): tool axis there, into the part;
+    ``slack``: how far [m] the points may be off what they stand for.
     """
     off = point - cut
     height = -np.einsum("ni,ni->n", off, cut_axis)

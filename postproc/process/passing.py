@@ -50,14 +50,8 @@ def may_be_passed(toolpath: ToolPath, cell: Cell) -> BoolArray:
     The first and the last point of a cut, the ends of arcs, exact stops and every point at which
     feed, blending, operation, tool or coordinates change, or an event stands, are none of them. An
     event stands before a tag, which is at the point of the tag before. A point that repeats the one
-    before is no motion: it is passed where that one is.
-
-    Args:
-        toolpath: n tags.
-        cell: the feed where the file gives none.
-
-    Returns:
-        A mask; whether any of them is passed is a question of the tolerances in ``[motion] thin``.
+    before is no motion: it is passed where that one is. Whether any of them is passed is a question
+    of the tolerances in ``[motion] thin``.
     """
     if not len(toolpath):
         return np.zeros(0, dtype=np.bool_)
@@ -80,15 +74,9 @@ def may_be_passed(toolpath: ToolPath, cell: Cell) -> BoolArray:
 
 
 def without_repeats(toolpath: ToolPath) -> tuple[ToolPath, IndexArray]:
-    """Return the points that repeat none, and which they are.
+    """Return the points that repeat none, and which (k,) they are, growing.
 
     None is blended farther than those that repeat it.
-
-    Args:
-        toolpath: n tags.
-
-    Returns:
-        The part, and the growing tags (k,) of the whole that it holds.
     """
     again = repeats(toolpath)
     tags = np.flatnonzero(~again)
@@ -101,12 +89,7 @@ def without_repeats(toolpath: ToolPath) -> tuple[ToolPath, IndexArray]:
 def only(toolpath: ToolPath, tags: IndexArray) -> ToolPath:
     """Return the growing ``tags`` (k,) under their names, with all events of the toolpath.
 
-    Args:
-        toolpath: the whole.
-        tags: which of it; an event of another one stands before the next of these.
-
-    Returns:
-        The part; its tables stay whole.
+    An event of another tag stands before the next of these; tables stay whole.
     """
     part = replace(toolpath.named(), events=()).rows(tags)
     events = tuple(

@@ -265,12 +265,7 @@ def _against(toolpath: ToolPath, event: Event, turns: float, tool: Tool) -> Find
 
 
 def may_stand(toolpath: ToolPath | None, cell: Cell) -> bool:
-    """Return whether the user knows that cuts at a standstill of the spindle are meant.
-
-    Args:
-        toolpath: the CAM file, whose words were accepted or not; None: what the cell accepts.
-        cell: its accepted words.
-    """
+    """Return whether the user has accepted that cuts at a standstill of the spindle are meant."""
     if toolpath is None:
         return bool(_STANDING & {word.upper() for word in cell.reading.accept_words})
     return any(use.word in _STANDING and not use.refused for use in toolpath.word_uses)

@@ -87,11 +87,7 @@ class ReadOptions(Reading):
     chord_tolerance: float = 1e-5
 
     def __post_init__(self) -> None:
-        """Check the names.
-
-        Raises:
-            UsageError: IO020 for an unknown unit, IO021 for an unknown word of a cycle.
-        """
+        """Check the names: UsageError IO020, IO021."""
         if self.units is not None and self.units not in LENGTH_UNITS:
             known = ", ".join(LENGTH_UNITS)
             raise UsageError("IO020", f"no unit of length {self.units!r}, known are {known}")
@@ -114,11 +110,7 @@ class ReadOptions(Reading):
 def distinct(keys: Iterable[Hashable]) -> tuple[IntArray, dict[Any, int]]:
     """Return which of the distinct keys each of n rows has, and the first row of each key.
 
-    Args:
-        keys: n of them; one that is false means that the row names nothing.
-
-    Returns:
-        (n,) indices of keys in the order of their first rows, -1 for nothing; key to row.
+    Indices (n,) in the order of first rows, -1 for a key that is false: the row names nothing.
     """
     first: dict[Any, int] = {}
     index: dict[Any, int] = {}
@@ -133,16 +125,10 @@ def distinct(keys: Iterable[Hashable]) -> tuple[IntArray, dict[Any, int]]:
 def tool_changes(
     tool: AnyIntArray, tools: Sequence[CamTool], line: AnyIntArray, *, with_first: bool
 ) -> list[Event]:
-    """Return an event wherever another tool works than before.
+    """Return an event with number and name wherever another tool works than before.
 
-    Args:
-        tool: (n,) indices into ``tools``, -1 where none is called: the one before stays.
-        tools: distinct tools.
-        line: (n,) where the tool is called.
-        with_first: whether the first tool is changed to, too; else it is in the spindle already.
-
-    Returns:
-        Events in order, with number and name of the tool.
+    ``tool`` (n,): indices into ``tools``, -1 where none is called: the one before stays.
+    ``with_first``: whether the first tool is changed to, too; else it is in the spindle already.
     """
     called = np.flatnonzero(tool >= 0)
     changed = called[np.diff(tool[called], prepend=-1) != 0]

@@ -261,10 +261,7 @@ class _WaysOut(NamedTuple):
     def touching(self, run: Run, motion: AnyIntArray, pose: FloatArray) -> BoolArray:
         """Return the steps (s,) on which cutting solids may touch the workpiece.
 
-        Args:
-            run: the program.
-            motion: (s + 1,) of each sampled pose; a step goes to a pose from the one before.
-            pose: (s + 1, 6) tool tip [m] and tool axis in the part.
+        A step goes to a pose (s + 1, 6), tool tip [m] and axis in the part, from the one before.
         """
         to = motion[1:]
         cut, out = self.cut_end[self.last[to]], self.may[to]

@@ -178,11 +178,7 @@ class Bench:
     # ---- edits ----------------------------------------------------------------------------------
 
     def pin(self, tag: int, spin_deg: float | None) -> None:
-        """Pin a tag of the plan to a spin [deg], or take its pin away.
-
-        Raises:
-            DataError: UI010 if there is no such tag, or the spin cannot be one.
-        """
+        """Pin a tag of the plan to a spin [deg], or take its pin away."""
         with self._lock:
             name = self._tag_name(tag)
             if spin_deg is None:
@@ -193,11 +189,7 @@ class Bench:
             self._edit(self.edits.pinned(name, spin_deg))
 
     def around(self, tag: int) -> dict[str, Any]:
-        """Return what the edits make of the tags around one at once, all others as they are.
-
-        Raises:
-            DataError: UI010 if there is no such tag.
-        """
+        """Return what the edits make of the tags around one at once, all others as they are."""
         with self._lock:
             self._tag_name(tag)
             conversion, edits = self._require_shown().conversion, self.edits
@@ -211,21 +203,13 @@ class Bench:
         return around_data(made, tags)
 
     def move(self, thing: Thing, xyz_mm: Sequence[float], abc_deg: Sequence[float]) -> None:
-        """Put a part, a tool or a fixture elsewhere.
-
-        Raises:
-            DataError: UI010 for numbers that no frame has, or a thing that there is not.
-        """
+        """Put a part, a tool or a fixture elsewhere."""
         with self._lock:
             self._require_place(thing, xyz_mm, abc_deg)
             self._edit(self.edits.moved(thing, xyz_mm, abc_deg))
 
     def cure(self, cause: int) -> None:
-        """Change the cell as a cause says.
-
-        Raises:
-            DataError: UI010 if there is no such cause, or its cure is nothing in the cell.
-        """
+        """Change the cell as a cause says."""
         with self._lock:
             if not 0 <= cause < len(self._causes) or not self._causes[cause].changes:
                 raise self._wrong("this is nothing that the cell file could cure")
@@ -246,12 +230,7 @@ class Bench:
         self._plan()
 
     def save(self) -> dict[str, Any]:
-        """Write the edits as files beside the cell, and say the call of ``convert`` they are for.
-
-        Raises:
-            ReadError: IO003 if a file cannot be written.
-            DataError: UI010 if nothing was edited.
-        """
+        """Write the edits as files beside the cell; say the call of ``convert`` they are for."""
         with self._lock:
             edits, cell = self.edits, moved_file(self.cell, self.edits)
             raw = edits.cell_toml(self.cell)
@@ -309,11 +288,7 @@ class Bench:
             return dict(self._shown.conversion.files) if self._shown else {}
 
     def pose(self, tag: int, spin_deg: float) -> dict[str, Any]:
-        """Return how a tag would stand at a spin [deg].
-
-        Raises:
-            DataError: UI010 if there is no such tag.
-        """
+        """Return how a tag would stand at a spin [deg]."""
         with self._lock:
             self._tag_name(tag)
             shown = self._require_shown()
@@ -326,11 +301,7 @@ class Bench:
     def reach(
         self, thing: Thing, xyz_mm: Sequence[float], abc_deg: Sequence[float]
     ) -> dict[str, Any]:
-        """Return how all tags would stand with a thing elsewhere, without planning.
-
-        Raises:
-            DataError: UI010 for numbers that no frame has, or a thing that there is not.
-        """
+        """Return how all tags would stand with a thing elsewhere, without planning."""
         with self._lock:
             conversion = self._require_place(thing, xyz_mm, abc_deg)
         cell = placed(conversion.cell, thing, transform_from_kuka(xyz_mm, abc_deg))

@@ -53,11 +53,7 @@ class Edits:
         return bool(self.frames or self.keys)
 
     def cured(self, path: Path, changes: Mapping[Location, object]) -> Edits:
-        """Return the edits with keys of the cell file changed, whatever is moved now.
-
-        Raises:
-            CellError: as ``load_cell``.
-        """
+        """Return the edits with keys of the cell file changed, whatever is moved now."""
         return replace(self, frames={}, keys={**self._changes(path), **changes})
 
     def _changes(self, path: Path) -> dict[Location, object]:
@@ -88,12 +84,7 @@ class Edits:
         return stream.getvalue().encode()
 
     def cell_toml(self, path: Path) -> bytes:
-        """Return the cell file with the places that were edited, as it stands at ``moved_file``.
-
-        Raises:
-            CellError: as ``load_cell``.
-            ReadError: if the file is missing or unreadable.
-        """
+        """Return the cell file with the places that were edited, as it stands at ``moved_file``."""
         if not self.of_cell:
             return read_bytes(path)
         return edited_cell(load_cell(path), self._changes(path), moved_file(path, self))

@@ -138,18 +138,10 @@ class Workbench:
 
 
 def open_workbench(cell: Path, source: Path | None, port: int, tell: Callable[[str], None]) -> None:
-    """Serve a workbench until it is interrupted.
+    """Serve a workbench, of the cell alone without a source, until it is interrupted.
 
-    Args:
-        cell: the cell file.
-        source: the CAM file; None shows the cell alone.
-        port: 0 takes a free one.
-        tell: called with the address when it can be opened.
-
-    Raises:
-        UsageError: UI002 if the port is taken.
-        PostprocError: as ``load_cell`` and the reader of the input. What goes wrong later, when
-            they are read again, is said in the page.
+    Port 0 takes a free one; ``tell`` is called with the address when it can be opened. What goes
+    wrong later, when the files are read again, is said in the page.
     """
     loaded = load_cell(cell)
     if source:

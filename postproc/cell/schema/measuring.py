@@ -80,14 +80,10 @@ class Instrument(Options):
         return self.range_sigma is not None and self.angle_sigma is not None
 
     def principal_axes(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return axes in which the errors at points are independent, and their sigma.
+        """Return axes (n, 3, 3) in which errors at points (n, 3) [m] are independent, sigma (n, 3).
 
-        Args:
-            points: (n, 3) in the measured frame [m]; a coordinate that is NaN was not measured.
-
-        Returns:
-            (n, 3, 3) unit axes in rows, the beam first, and (n, 3) sigma [m]; at points without
-            three coordinates axes of the frame, with the spread along each.
+        Unit axes in rows, the beam first; at points without three coordinates (NaN) axes of the
+        frame, with the spread along each.
         """
         if self.range_sigma is None or self.angle_sigma is None:
             raise ValueError("a device without sigmas")

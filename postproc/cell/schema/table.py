@@ -72,11 +72,7 @@ class Options:
     __slots__ = ()
 
     def with_keys(self, keys: Mapping[str, Any]) -> Self:
-        """Return the options with those of a call's keys that are theirs; lists are added to.
-
-        Raises:
-            ValueError: for a word that a key does not take.
-        """
+        """Return the options with those of a call's keys that are theirs; lists are added to."""
         names = [made.name for made in fields(self) if keys.get(made.name) not in (None, "")]  # type: ignore[arg-type]
         new = {name: _called(name, getattr(self, name), keys[name]) for name in names}
         return replace(self, **new) if new else self  # type: ignore[type-var]

@@ -64,14 +64,9 @@ class UrdfChain:
 def read_chain(path: Path, tip: str | None = None, source: SourceRef | None = None) -> UrdfChain:
     """Return the chain of six moving joints from the root to the flange.
 
-    Args:
-        path: the URDF file.
-        tip: name of the flange link; default: the only pose behind six moving joints.
-        source: where the cell names the file, for errors about the tip.
-
-    Raises:
-        CellError: CEL011 if this is not the URDF of a six-axis arm, CEL032 if its flange may be
-            several links.
+    ``tip``: name of the flange link; default: the only pose behind six moving joints. ``source``:
+    where the cell names the file. CEL011 if this is not the URDF of a six-axis arm, CEL032 if its
+    flange may be several links.
     """
     tree = _parse(path)
     joints = [_joint(element, path) for element in tree.findall("joint")]

@@ -23,20 +23,12 @@ _ASSUMED_SPEED = 60.0 * DEG
 
 
 def read_urdf_robot(path: Path, tip: str | None = None, source: SourceRef | None = None) -> Robot:
-    """Return the robot of a URDF file, standing at the world's origin.
+    """Return the robot of a URDF file, standing at the world's origin; arguments as ``read_chain``.
 
     A URDF gives no accelerations: they are assumed such that a joint reaches full speed in half a
     second. A continuous joint gets +-360 degrees, a missing speed 60 degrees per second; each is
     marked assumed in ``origins``. Efforts are the torques where all are above 0, no larger than a
     real arm's, and the file gives the inertias as well.
-
-    Args:
-        path: the URDF file.
-        tip: name of the flange link; default as in ``read_chain``.
-        source: where the cell names the file.
-
-    Raises:
-        CellError: CEL011 if this is not the URDF of a six-axis arm.
     """
     chain = read_chain(path, tip, source)
     joints = chain.moving

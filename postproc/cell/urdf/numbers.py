@@ -35,11 +35,7 @@ _UNBOUNDED = ("effort",)
 
 
 def check_numbers(raw: bytes, path: Path) -> None:
-    """Check the numbers of all links and joints, before anything is made of them.
-
-    Raises:
-        CellError: CEL011 at the line of the first that is no finite decimal number, or too large.
-    """
+    """Check the numbers of all links and joints, before anything is made of them."""
     parser, above = expat.ParserCreate(), ["", ""]
 
     def begin(tag: str, attributes: dict[str, str]) -> None:

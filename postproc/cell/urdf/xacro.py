@@ -35,9 +35,6 @@ def find_urdf(path: Path) -> Path:
     """Return the file of a robot: the file itself, or the only one in a folder.
 
     Plain URDF files go before xacro files; files that only define macros are no robots.
-
-    Raises:
-        CellError: CEL011 if there is none, or more than one.
     """
     if not path.is_dir():
         return path
@@ -64,11 +61,7 @@ def _has_robot(file: Path) -> bool:
 
 
 def expanded(path: Path, folder: Path) -> bytes:
-    """Return the URDF text of a xacro file; mesh files are named relative to ``folder``.
-
-    Raises:
-        CellError: CEL011 if it cannot be expanded.
-    """
+    """Return the URDF text of a xacro file; mesh files are named relative to ``folder``."""
     if not (find_spec("xacro") and find_spec("xacrodoc")):
         text = "a xacro file, and the library that expands it is not installed"
         hint = "pip install xacrodoc, or give the URDF that ROS makes of it"

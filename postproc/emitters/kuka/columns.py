@@ -74,16 +74,10 @@ class Columns:
 
 
 def columns(plan: Plan, cell: Cell, borders: frozenset[int], speed_max: float) -> Columns:
-    """Return the columns of a plan.
+    """Return the columns of a plan; EMT311 to EMT313 for what cannot be written.
 
-    Args:
-        plan: the plan.
-        cell: its cell.
-        borders: moves before which another file begins.
-        speed_max: largest path speed [m/s]; faster rapids are slowed down.
-
-    Raises:
-        EmitError: EMT311 to EMT313 for a speed or an arc that cannot be written.
+    ``borders``: moves before which another file begins; rapids are no faster than ``speed_max``
+    [m/s].
     """
     xyz, abc = kuka_from_transform(plan.T_base_tcp)
     tags = np.clip(plan.tag, 0, len(plan.toolpath) - 1)

@@ -46,19 +46,10 @@ LAST_BASE_OF_KRC2 = 16
 def emit(
     plan: Plan, cell: Cell, *, names: krl.NameAllocator | None = None
 ) -> tuple[krl.KrlModule, ...]:
-    """Return the modules of a plan, the main program first.
+    """Return the modules of a plan, which begins with a PTP, the main program first.
 
-    Args:
-        plan: the plan; its first move is a PTP. Issues are not looked at: whoever calls decides
-            whether a plan with errors may become a program.
-        cell: the cell it was made for; ``cell.krl`` says how programs are written.
-        names: allocator of a batch; None for a single program.
-
-    Raises:
-        EmitError: EMT310 if the plan is empty or does not begin with a PTP; EMT311 to EMT315 for
-            a move or an event that cannot be written; EMT330 to EMT334 for templates; EMT301 if no
-            name is left.
-        KrlError: KRL901 to KRL905 for a number that cannot be written.
+    Issues are not looked at: whoever calls decides whether a plan with errors may become a program.
+    ``names``: allocator of a batch; None for a single program.
     """
     if len(plan) == 0:
         raise EmitError("EMT310", "the plan has no move", SourceRef(plan.toolpath.path))

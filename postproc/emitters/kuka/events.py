@@ -24,15 +24,7 @@ class EventWriter:
     path: str
 
     def statements(self, event: Event, *, flying: bool) -> list[Statement]:
-        """Return what an event becomes.
-
-        Args:
-            event: the event.
-            flying: True in the middle of a blended cut: the advance run must not stop there.
-
-        Raises:
-            EmitError: EMT315 if its number cannot be written.
-        """
+        """Return what an event becomes; ``flying``: in a blended cut, which must not stop."""
         if event.kind is EventKind.DWELL:
             self._check_dwell(event.value, event.line)
         elif not math.isfinite(event.value):
@@ -60,11 +52,7 @@ class EventWriter:
         return own is not None and key in self.style.hooks and key not in own
 
     def dwell(self, seconds: float, line: int) -> list[Statement]:
-        """Return a wait after a motion.
-
-        Raises:
-            EmitError: EMT315 if it cannot be written.
-        """
+        """Return a wait after a motion."""
         self._check_dwell(seconds, line)
         text = f"CAM line {line}" if line and self.style.cam_lines else ""
         return self.templates.statements(

@@ -25,14 +25,7 @@ SETUP_ENDING = "_SETUP"
 def setup_statements(
     cell: Cell, tools: Sequence[int], bases: Sequence[int], templates: TemplateSet
 ) -> list[Statement]:
-    """Return the body of the set-up module; errors as ``TemplateSet.statements``.
-
-    Args:
-        cell: all tools and bases.
-        tools: indices of those that the program uses.
-        bases: likewise.
-        templates: of the cell.
-    """
+    """Return the body of the set-up module, for indices of the tools and bases that are used."""
     statements = templates.statements("setup", {})
     for index in tools:
         tool = cell.tools[index]

@@ -53,23 +53,13 @@ class OutsideText:
 
 @dataclass(frozen=True)
 class TemplateSet:
-    """The templates of a cell.
-
-    Args:
-        template: name of a built-in set, or a folder of the user's.
-        source: the cell file, for errors.
-    """
+    """The templates of a cell: a built-in set or a folder; ``source``: for errors."""
 
     template: str
     source: SourceRef
 
     def lines(self, name: str, values: Mapping[str, object]) -> list[str]:
-        """Return the lines of template ``name`` (without ``.j2``), without empty ones.
-
-        Raises:
-            EmitError: EMT330 if there is no such template set, EMT331 if the template is wrong,
-                EMT332 if its output is not printable ASCII or too long.
-        """
+        """Return the lines of template ``name`` (without ``.j2``), without empty ones."""
         from jinja2 import TemplateError
 
         try:
@@ -86,17 +76,7 @@ class TemplateSet:
     def statements(
         self, name: str, values: Mapping[str, object], texts: Mapping[str, str] | None = None
     ) -> list[krl.Statement]:
-        """Return the statements of template ``name``.
-
-        Args:
-            name: of the template.
-            values: numbers and names that the template may use.
-            texts: outside text by name; the template sees marks.
-
-        Raises:
-            EmitError: as ``lines``; EMT333 if a line is no KRL, EMT334 if outside text would stand
-                outside a comment.
-        """
+        """Return the statements of template ``name``; of outside ``texts`` it sees marks only."""
         outside = texts or {}
         key = (name, repr(sorted(values.items())), tuple((k, bool(t)) for k, t in outside.items()))
         if key not in self._read:

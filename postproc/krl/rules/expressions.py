@@ -42,12 +42,7 @@ _PARTS: dict[type, Callable[[Any], _Parts]] = {
 
 
 def nodes_of(statement: krl.Statement, mark: str) -> Iterable[krl.Node]:
-    """Return the nodes of all expressions of a statement, its action included.
-
-    Args:
-        statement: any.
-        mark: expressions without these characters are left out.
-    """
+    """Return the nodes of all expressions of a statement that hold ``mark``, and of its action."""
     marked = [text for text in _texts_of(statement) if mark in text]
     return chain.from_iterable(map(_nodes_of_text, marked)) if marked else ()
 

@@ -137,8 +137,7 @@ class Part:
     def in_force(self, changes: Sequence[tuple[int, float]]) -> FloatArray:
         """Return the value (k,) in force at each motion, NaN before the first change.
 
-        Args:
-            changes: statement index and value, in the order of the text.
+        ``changes``: statement index and value, in the order of the text.
         """
         values = np.array([np.nan, *(value for _, value in changes)])
         places = np.array([index for index, _ in changes], dtype=np.int64)

@@ -78,9 +78,7 @@ _PLAIN = {bool: Type("BOOL"), int: Type("INT"), float: Type("REAL"), krl.Text: T
 class Scope:
     """The names that the routines of some modules see.
 
-    Args:
-        modules: all modules.
-        called: what gives the routine that a call from a module reaches, None if it is not here.
+    ``called`` gives the routine that a call from a module reaches, None if it is not here.
     """
 
     def __init__(self, modules: Sequence[krl.KrlModule], called: Called) -> None:

@@ -54,12 +54,7 @@ class LintOptions:
 
 
 class Subject:
-    """Modules under lint, with what the checks ask for again and again.
-
-    Args:
-        modules: all modules; checks report on them all.
-        options: the controller.
-    """
+    """Modules under lint, with what the checks ask for again and again."""
 
     def __init__(self, modules: Sequence[krl.KrlModule], options: LintOptions) -> None:
         self.modules = tuple(modules)
@@ -253,13 +248,7 @@ class Subject:
     def walk(
         self, module: krl.KrlModule, routine: krl.Routine, *kinds: type[krl.Statement]
     ) -> Iterator[tuple[krl.KrlModule, krl.Statement]]:
-        """Yield statements in the order of the text; what is called stands at its first call.
-
-        Args:
-            module: of the routine.
-            routine: where to begin.
-            kinds: of the statements that are wanted; none: all.
-        """
+        """Yield statements in the order of the text, what is called at its first call."""
         seen = {key_of(module, routine)}
         stack = [(module, self._walked(module, routine, kinds))]
         while stack:

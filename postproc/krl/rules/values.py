@@ -102,12 +102,8 @@ def nearest(name: str, known: Collection[str], *, counts_digits: bool = True) ->
     """Return the known name that a name differs from by one slip, empty if there is none.
 
     A slip is one wrong or missing character, a letter written twice, or two that are swapped. A
-    name with something before or behind it is another name, not a slip.
-
-    Args:
-        name: in upper case.
-        known: names in upper case; name is none of them.
-        counts_digits: another digit is a slip, too; in families of names it is not.
+    name with something before or behind it is another name, not a slip. All are in upper case.
+    ``counts_digits``: another digit is a slip, too; in families of names it is not.
     """
     length = len(name.lstrip("$"))
     if length < _SHORTEST:

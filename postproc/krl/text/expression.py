@@ -77,12 +77,7 @@ _WORDS = frozenset({"OR", "B_OR", "EXOR", "B_EXOR", "AND", "B_AND"})
 
 
 class ExpressionParser:
-    """Recursive descent over the tokens of one line.
-
-    Args:
-        text: the line of code.
-        line: its number.
-    """
+    """Recursive descent over the tokens of one line; what is wrong is a ``KrlSyntaxError``."""
 
     def __init__(self, text: str, line: int = 0) -> None:
         self.text, self.line = text, line
@@ -118,11 +113,7 @@ class ExpressionParser:
         return False
 
     def expect(self, text: str) -> None:
-        """Take the token ``text``.
-
-        Raises:
-            KrlSyntaxError: if something else comes.
-        """
+        """Take the token ``text``."""
         if not self.accept(text):
             raise KrlSyntaxError(f"expected {text!r}, found {self.here()}")
 
@@ -132,11 +123,7 @@ class ExpressionParser:
         return "the end of the line" if token.kind is TokenKind.END else repr(token.text)
 
     def finish(self) -> None:
-        """Check that nothing is left.
-
-        Raises:
-            KrlSyntaxError: if something is.
-        """
+        """Check that nothing is left."""
         if self.token.kind is not TokenKind.END:
             raise KrlSyntaxError(f"{self.here()} does not belong here")
 
@@ -353,11 +340,7 @@ def _unparse_literal(node: Node) -> str:
 
 @lru_cache(maxsize=8192)
 def parse_expression(text: str) -> Node:
-    """Return the tree of a whole expression.
-
-    Raises:
-        KrlSyntaxError: if the text is no expression.
-    """
+    """Return the tree of a whole expression."""
     parser = ExpressionParser(text)
     node = parser.expression()
     parser.finish()

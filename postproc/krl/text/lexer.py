@@ -73,11 +73,7 @@ def split_comment(line: str) -> tuple[str, str]:
 
 
 def tokenise(text: str) -> list[Token]:
-    """Return the tokens of a line of code, closed by an END token.
-
-    Raises:
-        KrlSyntaxError: at a character that no token begins with.
-    """
+    """Return the tokens of a line of code, closed by an END token."""
     tokens: list[Token] = []
     position, length = 0, len(text.rstrip())
     while position < length:

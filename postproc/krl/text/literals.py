@@ -96,11 +96,7 @@ def _whole(value: float | None) -> int | None:
 
 
 def number(text: str) -> int | float:
-    """Return an INT or REAL literal.
-
-    Raises:
-        KrlSyntaxError: if it is beyond what a REAL can hold.
-    """
+    """Return an INT or REAL literal."""
     if text.isdigit():
         if len(text) > 15:
             raise KrlSyntaxError(f"the number {text[:20]} is too large")
@@ -112,11 +108,7 @@ def number(text: str) -> int | float:
 
 
 def bits(text: str) -> int:
-    """Return the INT of ``'B101'`` or ``'H1F'``.
-
-    Raises:
-        KrlSyntaxError: if a digit does not fit the base.
-    """
+    """Return the INT of ``'B101'`` or ``'H1F'``."""
     try:
         return int(text[2:-1], 2 if text[1] in "bB" else 16)
     except ValueError:

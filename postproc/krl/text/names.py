@@ -83,9 +83,7 @@ class NameAllocator:
     """Gives each thing a legal name that nothing else has, and remembers which got which.
 
     One allocator serves a whole batch; names depend on the order of the calls and on nothing else.
-
-    Args:
-        reserved: names taken before the first call, in any case.
+    ``reserved``: names taken before the first call, in any case.
     """
 
     def __init__(self, reserved: Iterable[str] = ()) -> None:
@@ -108,16 +106,11 @@ class NameAllocator:
     def allocate(
         self, wanted: str, suffixes: Iterable[str] = (), prefix: str = "", fallback: str = "PROGRAM"
     ) -> str:
-        """Return a new name for ``wanted``, so short that prefix and suffixes fit.
+        """Return a new name for ``wanted``, any text, so short that prefix and suffixes fit.
 
-        Args:
-            wanted: name in the CAM system, any text.
-            suffixes: endings that will be put behind it (``_001``); those names are taken too.
-            prefix: put before the name at its uses (``X`` before a point); counts in the length.
-            fallback: name for a text without any legal character.
-
-        Raises:
-            EmitError: EMT301 if prefix and suffix leave less than eight characters.
+        The suffixes will be put behind it (``_001``), those names are taken too; ``prefix`` is put
+        before it at its uses (``X`` before a point). ``fallback`` is for a text without any legal
+        character. EMT301 if less than eight characters are left.
         """
         endings = tuple(suffixes)
         length = NAME_LENGTH - len(prefix) - max((len(ending) for ending in endings), default=0)

@@ -30,22 +30,14 @@ TURN_MAX = (1 << 12) - 1
 
 
 def real(value: float, digits: int = PLAIN_DIGITS) -> str:
-    """Return a REAL in fixed point with ``digits`` decimals; a value that rounds to 0 gives 0.
-
-    Raises:
-        KrlError: KRL901 if the value is not finite or beyond ``LARGEST``.
-    """
+    """Return a REAL in fixed point with ``digits`` decimals; a value that rounds to 0 gives 0."""
     if not -LARGEST <= value <= LARGEST:  # catches nan as well
         raise KrlError("KRL901", f"{value!r} cannot be written as a REAL")
     return f"{value:z.{digits}f}"
 
 
 def nonzero(value: float, digits: int, what: str) -> str:
-    """Return as ``real`` a value that must not be lost.
-
-    Raises:
-        KrlError: KRL901 as ``real``; KRL902 if a value other than 0 would print as 0.
-    """
+    """Return as ``real`` a value that must not be lost: KRL902 if it would print as 0."""
     text = real(value, digits)
     if value != 0.0 and float(text) == 0.0:
         message = f"{what} {value!r} would be written as {text}, expected at least {10**-digits:g}"
@@ -54,11 +46,7 @@ def nonzero(value: float, digits: int, what: str) -> str:
 
 
 def speed(metres_per_second: float) -> str:
-    """Return a path speed [m/s] with six decimals and six significant digits at least.
-
-    Raises:
-        KrlError: KRL901 if not finite; KRL903 if it is not above 0.
-    """
+    """Return a path speed [m/s] with six decimals and six significant digits at least."""
     if not 0.0 < metres_per_second <= LARGEST:
         raise KrlError("KRL903", f"a path speed of {metres_per_second!r} m/s, expected above 0")
     return significant(metres_per_second)
@@ -66,11 +54,7 @@ def speed(metres_per_second: float) -> str:
 
 @lru_cache(maxsize=1024)
 def significant(value: float) -> str:
-    """Return six significant digits in fixed point, at least ``SPEED_DIGITS`` decimals.
-
-    Raises:
-        KrlError: KRL901 if not finite; KRL902 if the value is so small that it prints as 0.
-    """
+    """Return six significant digits in fixed point, at least ``SPEED_DIGITS`` decimals."""
     real(value)
     if value == 0.0:
         return f"{0.0:.{SPEED_DIGITS}f}"
@@ -82,11 +66,7 @@ def significant(value: float) -> str:
 
 
 def percent(value: float) -> str:
-    """Return a percentage, without decimals where it is whole.
-
-    Raises:
-        KrlError: KRL904 if it is not above 0 and at most 100.
-    """
+    """Return a percentage, without decimals where it is whole."""
     rounded = round(value, 3) if math.isfinite(value) else value
     if not 0.0 < rounded <= 100.0:
         raise KrlError("KRL904", f"{value!r} percent, expected above 0 and at most 100")
@@ -94,22 +74,14 @@ def percent(value: float) -> str:
 
 
 def status(value: int) -> str:
-    """Return the status S of a position.
-
-    Raises:
-        KrlError: KRL905 if it has bits beyond the five known.
-    """
+    """Return the status S of a position."""
     if not 0 <= value <= STATUS_MAX:
         raise KrlError("KRL905", f"status {value}, expected 0 to {STATUS_MAX}")
     return str(value)
 
 
 def turn(value: int) -> str:
-    """Return the turn T of a position: one bit for each of up to twelve axes.
-
-    Raises:
-        KrlError: KRL905 if it is out of range.
-    """
+    """Return the turn T of a position: one bit for each of up to twelve axes."""
     if not 0 <= value <= TURN_MAX:
         raise KrlError("KRL905", f"turn {value}, expected 0 to {TURN_MAX}")
     return str(value)

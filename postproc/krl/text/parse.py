@@ -66,17 +66,9 @@ class _Part:
 
 
 def parse_files(files: Mapping[str, bytes]) -> tuple[krl.KrlModule, ...]:
-    """Read the files of one or more modules.
+    """Return the modules of files by name, in the order of their first file.
 
-    Args:
-        files: bytes by file name; ``NAME.src`` and ``NAME.dat`` make a module, in any case. Files
-            of other kinds are left out.
-
-    Returns:
-        Modules in the order of their first file.
-
-    Raises:
-        KrlError: if a file is no KRL at all.
+    ``NAME.src`` and ``NAME.dat`` make a module, in any case. Files of other kinds are left out.
     """
     pairs: dict[str, dict[str, str]] = {}
     for path in files:
@@ -94,12 +86,7 @@ def parse_files(files: Mapping[str, bytes]) -> tuple[krl.KrlModule, ...]:
 
 
 def parse_module(path: str | Path) -> krl.KrlModule:
-    """Read a module from disk: the file and its partner (.src or .dat) beside it.
-
-    Raises:
-        KrlError: if a file is no KRL at all.
-        ReadError: if the file is missing.
-    """
+    """Read a module from disk: the file and its partner (.src or .dat) beside it."""
     return parse_files({name: _content(name) for name in with_partners([str(path)])})[0]
 
 
@@ -108,13 +95,7 @@ def load_modules(
 ) -> tuple[krl.KrlModule, ...]:
     """Read modules from files (each with its partner) and folders (all modules within).
 
-    Args:
-        paths: files and folders.
-        bad: gets a finding for each file that cannot be read, instead of an error.
-
-    Raises:
-        KrlError: if a file is no KRL at all, or KRL007 if a folder holds no KRL file.
-        ReadError: if a file is missing.
+    ``bad`` gets a finding for each file that cannot be read, instead of an error.
     """
     found: list[str] = []
     for path in paths:
@@ -134,11 +115,7 @@ def load_modules(
 
 
 def require_sound(modules: Sequence[krl.KrlModule]) -> None:
-    """Refuse modules that a controller could not even load.
-
-    Raises:
-        KrlError: the first line that is no KRL, or KRL006 for a routine that is not closed.
-    """
+    """Refuse modules that a controller could not even load."""
     for module in modules:
         if module.problems:
             first = module.problems[0]

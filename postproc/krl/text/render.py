@@ -25,9 +25,7 @@ _EXTERNALS = frozenset({"E1", "E2", "E3", "E4", "E5", "E6"})
 def render(module: krl.KrlModule) -> tuple[bytes, bytes]:
     """Return the bytes of the .src and of the .dat file; the latter are empty without a data list.
 
-    Raises:
-        KrlError: KRL901 to KRL905 for a number that cannot be written; KRL911 if a line is not
-            printable ASCII; KRL912 if a text would break its line or change its meaning.
+    KRL901 to KRL912 for a number or a text that cannot be written as it is.
     """
     lines = [f"&{attribute}" for attribute in module.attributes]
     lines += _lines(module.before)

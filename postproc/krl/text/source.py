@@ -51,11 +51,7 @@ class TextFacts:
 
 
 def decode(data: bytes, path: str) -> tuple[list[str], TextFacts]:
-    """Return the lines of a KRL file (without line ends) and the facts of its writing.
-
-    Raises:
-        KrlError: KRL001 if it is not text, KRL002 if it is empty, KRL003 if it is too large.
-    """
+    """Return the lines of a KRL file (without line ends) and the facts of its writing."""
     _refuse_binary(data, path)
     has_bom = data.startswith(b"\xef\xbb\xbf")
     body = data[3:] if has_bom else data
@@ -91,11 +87,7 @@ def decode(data: bytes, path: str) -> tuple[list[str], TextFacts]:
 
 
 def check_size(size: int, path: str) -> None:
-    """Refuse a file by its size, before it is read.
-
-    Raises:
-        KrlError: KRL003 if it is too large.
-    """
+    """Refuse a file by its size, before it is read."""
     if size > MAX_BYTES:
         text = f"{size} bytes is no robot program, expected at most {MAX_BYTES}"
         raise KrlError("KRL003", text, SourceRef(path))

@@ -39,20 +39,12 @@ def split(
     forced: Sequence[int] = (),
     source: SourceRef | None = None,
 ) -> tuple[Part, ...]:
-    """Return the parts of a program.
+    """Return the parts of a program, which cover all moves, of at most so many points each.
 
-    Args:
-        quality: (m,) how good a border before move i is: ``NO_BORDER``, 0 = only if there is no
-            other (in the middle of a cut), higher is better.
-        max_points: largest number of moves in a part.
-        forced: moves before which there must be a border (operations).
-        source: where the largest number is given.
-
-    Returns:
-        Parts in order that cover all moves; of borders equally good the last is taken.
-
-    Raises:
-        EmitError: EMT302 if ``max_points`` is less than 2, or than moves without a border.
+    ``quality`` (m,): how good a border before move i is: ``NO_BORDER``, 0 = only if there is no
+    other (in the middle of a cut), higher is better; of equally good ones the last is taken. Before
+    moves ``forced`` there must be a border. ``source``: where the largest number is given. EMT302
+    if it is less than 2, or than moves without a border.
     """
     if max_points < 2:
         text = f"max_points_per_file is {max_points}, expected at least 2"

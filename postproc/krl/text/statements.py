@@ -33,11 +33,7 @@ _LABEL = re.compile(r"([A-Za-z_]\w*)\s*:$", re.ASCII)
 
 
 def parse_statement(code: str, comment: str, line: int) -> krl.Statement:
-    """Return the statement of a line of code (not empty, no indentation, comment cut off).
-
-    Raises:
-        KrlSyntaxError: if the line is no KRL statement.
-    """
+    """Return the statement of a line of code (not empty, no indentation, comment cut off)."""
     if code[:1] == "$":  # a variable of the system: no word of the language begins so
         return _assignment_call_or_declaration(code, comment, line)
     match = _MOVE_FAST.match(code)

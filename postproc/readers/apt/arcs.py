@@ -57,26 +57,13 @@ class ArcRecords(Table):
 def arcs_between(
     records: ArcRecords, starts: FloatArray, ends: FloatArray, faults: Faults
 ) -> tuple[Arcs, IntArray]:
-    """Return the arcs of the model, normals turned so that every motion is counterclockwise.
+    """Return the arcs of the model, counterclockwise, and how their ends prove this.
 
     Where the record leaves the sense open, the start is turned by the written sweep both ways: one
     of them meets the end. If both do, as half turns and full circles do, the arc goes
-    counterclockwise about the written vector, or as the sign of a negative sweep says.
-
-    Args:
-        records: m arcs as read.
-        starts: (m, 3) where the tool stands before each arc [m], NaN where nothing came before.
-        ends: (m, 3) where each arc ends [m].
-        faults: for the errors.
-
-    Returns:
-        the arcs, and (m,) how the end shows that each turns about the written vector: as its
-        sweep says, 1, against it, -1, or not at all, 0.
-
-    Raises:
-        ReadError: APT036 without a start point, APT037 for a zero vector or radius, APT038 if
-            start and end do not lie on one circle, APT085 if the written sweep does not lead from
-            start to end, APT086 for another rise than written.
+    counterclockwise about the written vector, or as the sign of a negative sweep says. ``starts``
+    (m, 3) [m] are NaN where nothing came before. The proof (m,): 1 as the sweep says, -1 against
+    it, 0 none.
     """
     missing = np.flatnonzero(np.isnan(starts).any(axis=1))
     if len(missing):
@@ -192,21 +179,11 @@ def _checked_radius(
 def tangency(
     arcs: Arcs, starts: FloatArray, ends: FloatArray, before: FloatArray, after: FloatArray
 ) -> IntArray:
-    """Return how each arc goes with the straight cuts at its start and end.
+    """Return how each arc (m, 2) goes with the straight cuts at its start and end.
 
     CAM systems lead in and out of arcs tangentially, so a straight cut next to an arc shows which
-    way the arc turns.
-
-    Args:
-        arcs: m arcs, counterclockwise about their normals.
-        starts: (m, 3) start points.
-        ends: (m, 3) end points.
-        before: (m, 3) direction of the straight cut that ends where the arc starts, NaN if none.
-        after: (m, 3) direction of the straight cut that begins where the arc ends, NaN if none.
-
-    Returns:
-        (m, 2) at start and end: 1 the arc goes on in the cut's direction, -1 it goes back, 0 no
-        straight cut there or not tangent to it.
+    way the arc turns: 1 the arc goes on in the cut's direction, -1 it goes back, 0 no straight cut
+    there or not tangent to it. ``before``, ``after`` (m, 3): directions of the cuts, NaN if none.
     """
     result = np.zeros((len(arcs), 2), dtype=np.int32)
     for column, (at, cut) in enumerate(((starts, before), (ends, after))):
@@ -262,16 +239,9 @@ def settled_senses(
     """Return the arcs with those turned round that the file means the other way.
 
     What nothing proves goes counterclockwise about the written vector: with a warning where nothing
-    lies beside it, and it is asked back where it would go back on what does.
-
-    Args:
-        arcs: m arcs, open ones counterclockwise about the written vector.
-        closes: (m,) what the end of each shows.
-        records: as read.
-        around: what lies beside them.
-        told: sense of the arcs with a sweep and of those without as user or writer tell it, else 0.
-        faults: for the warnings.
-        uses: for the records that are asked back.
+    lies beside it, and it is asked back where it would go back on what does. ``closes`` (m,): what
+    their ends show; ``told``: sense of the arcs with a sweep and of those without as user or writer
+    tell it, else 0.
     """
     swept = ~np.isnan(records.sweep)
     straight = around.goes_on(arcs, known=False).sum(axis=1)

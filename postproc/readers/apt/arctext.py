@@ -57,14 +57,7 @@ class WrittenArc:
 def numbers_of(
     at: AtLine, statement: Statement, args: tuple[str, ...], blanks: bool = False
 ) -> list[float]:
-    """Return the numbers of a motion statement, with the fixes of ``--recover``.
-
-    Args:
-        at: for fixes and errors.
-        statement: for the messages.
-        args: the arguments that must be numbers.
-        blanks: whether a blank may stand for a comma in this dialect.
-    """
+    """Return the numbers of a motion statement; ``blanks``: one may stand for a comma."""
     rest = list(args)
     while rest and not rest[-1]:
         rest.pop()
@@ -158,11 +151,7 @@ def tool_on(
 ) -> WrittenArc:
     """Return the arc of TLON,GOFWD/: on a circle or cylinder up to a line, a point or a plane.
 
-    Args:
-        at: for the errors.
-        statement: the whole statement, its text in parentheses.
-        tangent: start direction that INDIRV gave.
-        towards: point that INDIRP gave.
+    ``tangent``: start direction that INDIRV gave; ``towards``: point that INDIRP gave.
     """
     text = statement.text
     if tangent is None and towards is None:

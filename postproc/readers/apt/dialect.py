@@ -280,11 +280,7 @@ _TURNED_VECTORS = tuple(
 
 
 def dialect_of(head: bytes, forced: str | None) -> Dialect:
-    """Return the dialect that was asked for, else the one whose marks the head holds.
-
-    Raises:
-        UsageError: APT090 if the dialect asked for is unknown.
-    """
+    """Return the dialect that was asked for, else the one whose marks the head holds."""
     turned = all(mark.search(head) for mark in _TURNED_VECTORS)
     if forced is not None:
         if forced not in DIALECTS:

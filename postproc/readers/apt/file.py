@@ -177,11 +177,7 @@ def _arcs(state: AptState, table: Tags, records: ArcRecords) -> Arcs:
 def straight_neighbours(
     points: FloatArray, kind: IntArray, tags: IntArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the directions of the straight cuts before and after the motions to these tags.
-
-    Returns:
-        two arrays (m, 3) [m], NaN where the neighbour is no straight cut.
-    """
+    """Return directions (m, 3) [m] of the straight cuts before and after motions, NaN for none."""
     n = len(points)
     before = np.full((len(tags), 3), np.nan)
     after = np.full((len(tags), 3), np.nan)
@@ -218,11 +214,7 @@ _MM_FEEDS = re.compile(rb"\b(MMPM|MMPR)\b", re.IGNORECASE)
 
 
 def read_file(path: str, options: ReadOptions) -> ToolPath:
-    """Return the toolpath of a CL file.
-
-    Raises:
-        ReadError: with an ``APT`` code and the line, see ``words`` and its neighbours.
-    """
+    """Return the toolpath of a CL file; errors have an ``APT`` code and the line."""
     faults = Faults(path, options.recover)
     state: AptState | None = None
     motion_reader: MotionReader | None = None

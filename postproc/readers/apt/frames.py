@@ -136,9 +136,6 @@ def table_statement(state: AptState, statement: Statement) -> None:
     """Handle ROTABL/angle,AAXIS,TABLE,CCLW: radians that tilt the setup plane (CAMWorks).
 
     ROTATE, and ROTABL of others, turns a machine's table.
-
-    Raises:
-        ReadError: APT060 if it is written otherwise.
     """
     if not (state.dialect.setup_plane and statement.word == "ROTABL"):
         reason = "turns a table that the robot does not have"

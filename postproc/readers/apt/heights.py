@@ -51,11 +51,7 @@ class Heights:
         )
 
     def above(self, top: float) -> tuple[float, float]:
-        """Return where feed begins and where the tool ends, above the top of the hole [m].
-
-        Args:
-            top: height of the top along the tool axis [m], for absolute levels.
-        """
+        """Return where feed begins and the tool ends, above the top (along the tool axis) [m]."""
         plane = self.clear
         back = self.back
         if self.rule.clear is Clear.ABSOLUTE:
@@ -74,13 +70,7 @@ def _first(*values: float) -> float:
 
 
 def doubts(cycle: Cycle, feed: float, ends: float) -> list[str]:
-    """Return what about a cycle can hardly be meant.
-
-    Args:
-        cycle: as read.
-        feed: level where feed begins, above the top of the hole [m], possibly below it.
-        ends: level where the tool ends [m].
-    """
+    """Return what can hardly be meant; feed begins and the tool ends so far above the top [m]."""
     found = []
     if feed < -_ROUNDING:
         found.append(f"the feed begins {-feed / MM:g} mm below the surface")

@@ -160,14 +160,7 @@ def _last_turns(state: AptState, count: int) -> FloatArray:
 def check_standing(
     state: AptState, events: Sequence[Event], kind: IntArray, line: IntArray
 ) -> None:
-    """Refuse cuts while the spindle stands; a file that never names it leaves it to others.
-
-    Args:
-        state: takes the words.
-        events: of the whole file, in order.
-        kind: (n,) of the tags.
-        line: (n,) of the tags.
-    """
+    """Refuse cuts while the spindle stands; a file that never names it leaves it to others."""
     starts = [event for event in events if event.kind is EventKind.SPINDLE_ON]
     if not any(event.kind in (EventKind.SPINDLE_ON, EventKind.SPINDLE_OFF) for event in events):
         return

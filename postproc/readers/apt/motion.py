@@ -95,11 +95,7 @@ class MotionReader(AtLine):
         return motions
 
     def finish(self) -> None:
-        """Check that nothing waits for a point that never came.
-
-        Raises:
-            ReadError: APT030 for an arc without an end point.
-        """
+        """Check that no arc waits for a point that never came."""
         if self._pending is not None:
             raise self.faults.error(
                 "APT030", "an arc has no end point: no GOTO follows", int(self._pending.line[0])

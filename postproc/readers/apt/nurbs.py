@@ -39,11 +39,7 @@ def control_statement(state: AptState, statement: Statement) -> None:
 
 
 def close_spline(state: AptState) -> None:
-    """End the spline at hand, if any: its place is before the next point.
-
-    Raises:
-        ReadError: APT082 if knots and control points do not make a spline.
-    """
+    """End the spline at hand, if any: its place is before the next point."""
     draft, state.spline = state.spline, None
     if draft is None:
         return
@@ -60,17 +56,11 @@ def close_spline(state: AptState) -> None:
 
 
 def discretised(record: SplineRecord, start: FloatArray, tolerance: float) -> FloatArray | None:
-    """Return points (n, 3) [m] of the spline, without the start, with chords within tolerance.
+    """Return points (n, 3) [m] of the spline, without the start, with chords within tolerance [m].
 
-    None where that takes more than ``MOST_SEGMENTS``.
-
-    Each knot span is cut into equal parts; a part of parameter length h leaves its chord by at most
-    h^2/8 times the largest second derivative, which the control polygon bounds.
-
-    Args:
-        record: the spline.
-        start: (3,) where the tool stands [m].
-        tolerance: [m].
+    None where that takes more than ``MOST_SEGMENTS``. Each knot span is cut into equal parts; a
+    part of parameter length h leaves its chord by at most h^2/8 times the largest second
+    derivative, which the control polygon bounds. ``start`` (3,): where the tool stands [m].
     """
     control = np.vstack([start, record.points])
     degree = len(record.points) - len(record.knots) + 1

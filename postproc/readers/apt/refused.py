@@ -100,12 +100,7 @@ NOT_DONE = "is not carried out"
 
 
 def unhandled(state: AptState, statement: Statement) -> None:
-    """Take a statement that no handler knows.
-
-    Raises:
-        ReadError: APT003 for numbers without a word; APT005 for a word of motion without its
-            slash, or a misspelt end of the file.
-    """
+    """Take a statement that no handler knows; motion without its slash is an error."""
     word = statement.word
     if not word or word[0] in "+-.0123456789":
         raise state.error("APT003", "numbers without a word; is a $ missing on the line before?")
@@ -125,16 +120,7 @@ def refuse(
     reason: str,
     minor: str = "",
 ) -> None:
-    """Refuse a word, or one form of it, and keep its text.
-
-    Args:
-        state: takes it.
-        statement: the whole statement.
-        line: its line.
-        word_class: what it can change.
-        reason: why it is refused.
-        minor: the minor word that makes the form.
-    """
+    """Refuse a word, or the form of it that a minor word makes, and keep its text."""
     word = shortened(f"{statement.word}/{minor}" if minor else statement.word)
     state.refuse(word, word_class, reason)
     keep_unknown(state, statement)

@@ -23,17 +23,8 @@ def resolve_points(
 ) -> None:
     """Fill in increments, lifts to a plane and ends of arcs in planes, in the order of the file.
 
-    Also turns the points that arcs go towards into start directions.
-
-    Args:
-        motions: of one block; its points and arcs are changed.
-        axes: (k, 3) tool axis at each point.
-        last: (6,) the point before the block, None where there is none.
-        lines: (k,) 1-based source line of each point.
-        faults: for the errors.
-
-    Raises:
-        ReadError: APT025 with no point before, APT087 if an arc does not meet its plane.
+    Changes the motions of one block, whose points have tool axes (k, 3), behind the point ``last``
+    (6,); also turns the points that arcs go towards into start directions.
     """
     points = motions.points
     arc_at = dict(zip(motions.arcs.tag.tolist(), range(len(motions.arcs)), strict=True))

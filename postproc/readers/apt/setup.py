@@ -25,11 +25,7 @@ _TILT_GAP = 1e-4
 
 
 def rotation(R: FloatArray, faults: Faults, line: int, text: str = "") -> FloatArray:
-    """Return the nearest rotation of a matrix that is one up to rounding.
-
-    Raises:
-        ReadError: APT063 if it is none.
-    """
+    """Return the nearest rotation of a matrix that is one up to rounding, else raise APT063."""
     if float(np.abs(R.T @ R - np.eye(3)).max()) > AXIS_NORM_GAP or np.linalg.det(R) < 0.0:
         message = "axes that are not at right angles, not of length 1 or left-handed"
         raise faults.error("APT063", message, line, text)
@@ -66,11 +62,7 @@ class TiltedTable:
         self._line = line
 
     def check(self, faults: Faults) -> None:
-        """Compare the tilt with TLAXIS before points are taken.
-
-        Raises:
-            ReadError: APT061 if they disagree.
-        """
+        """Compare the tilt with TLAXIS before points are taken."""
         if self.tilt_axis is not None and not np.array_equal(self.R, np.eye(3)):
             gap = float(np.linalg.norm(self.R[:, 2] - self.tilt_axis))
             if gap > _TILT_GAP:
@@ -164,11 +156,7 @@ class MatrixComment:
         return rotation(matrix[:, :3], faults, line), matrix[:, 3]
 
     def check_closed(self, faults: Faults) -> None:
-        """Complain if a statement comes before the third row.
-
-        Raises:
-            ReadError: APT064.
-        """
+        """Complain if a statement comes before the third row."""
         if self._line:
             raise faults.error(
                 "APT064", "$$*CATIA0 is not followed by a 3x4 matrix in comments", self._line
@@ -232,12 +220,7 @@ class ToolTable:
     ) -> None:
         """Begin the tool that works from a place on, or complete it.
 
-        Args:
-            place: of the statement.
-            statement: says it.
-            line: of the statement.
-            said: number, name and data.
-            loads: whether it puts the tool into the spindle; others describe it.
+        ``loads``: whether the statement puts the tool into the spindle; others describe it.
         """
         said = {key: value for key, value in said.items() if value not in ("", None)}
         if not said:
@@ -264,13 +247,9 @@ class ToolTable:
         return float(self.calls[-1].said.get("diameter", "nan")) if self.calls else float("nan")
 
     def settle(self, end: Place) -> Iterator[tuple[ToolCall, str]]:
-        """Find the tool of each call, before ``column`` and ``changes`` are asked.
+        """Find the tool of each call up to the end, and yield those that several fit, and why.
 
-        Args:
-            end: of the file.
-
-        Yields:
-            Calls that more than one tool fits, and why; the one called last is taken.
+        It comes before ``column`` and ``changes``; of several, the one called last is taken.
         """
         if self.calls and not self.calls[-1].loads and not self.calls[-1].place.moves_to(end):
             self.calls.pop()

@@ -144,15 +144,7 @@ class KnownCycles:
 
 
 class AptState(AtLine):
-    """Modal state of one reading.
-
-    Args:
-        dialect: the file's dialect.
-        options: as given by the caller.
-        faults: collects findings.
-        scale: metres per unit of length of the file.
-        units: name of that unit.
-    """
+    """Modal state of one reading; ``scale``: metres per unit of length of the file."""
 
     def __init__(
         self, dialect: Dialect, options: ReadOptions, faults: Faults, scale: float, units: str
@@ -295,11 +287,7 @@ class AptState(AtLine):
         return axes
 
     def unit_axes(self, axes: FloatArray, lines: IntArray) -> FloatArray:
-        """Return tool axes (k, 3) of length one.
-
-        Raises:
-            ReadError: APT026 for a zero vector, APT027 for another length, unless recovering.
-        """
+        """Return tool axes (k, 3) of length one; errors APT026 and APT027."""
         length = np.linalg.norm(axes, axis=1)
         zero = np.flatnonzero(length < AXIS_NORM_GAP)
         if len(zero):

@@ -131,11 +131,7 @@ class Scan:
 
 
 def scan(block: TextBlock, faults: Faults) -> Scan:
-    """Return the columns of a block.
-
-    Raises:
-        ReadError: APT006 if the block ends inside a continued statement.
-    """
+    """Return the columns of a block."""
     buffer = np.frombuffer(block.data, dtype=np.uint8)
     line_ends = np.flatnonzero(buffer == ord("\n"))
     starts = np.concatenate([[0], line_ends[:-1] + 1])

@@ -224,11 +224,8 @@ def understood(
 ) -> tuple[list[Column], tuple[WordUse, ...]]:
     """Return the columns without those that are not understood, and what to say of these.
 
-    Coordinates stay, in the usual unit.
-
-    Raises:
-        ReadError: CSV016 for a column that is not understood and was not accepted, unless the file
-            is only looked at.
+    Coordinates stay, in the usual unit. A column that was not accepted is the error CSV016, unless
+    the file is only looked at.
     """
     uses = tuple(
         WordUse(column.name, WordClass.UNKNOWN, (line,), column.question, True)

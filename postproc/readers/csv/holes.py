@@ -30,12 +30,7 @@ _MOTIONS = {
 
 
 def motion_kinds(columns: Columns, faults: Faults) -> tuple[IntArray, IntArray, tuple[Cycle, ...]]:
-    """Return kind (n,) and cycle (n,) of every row, and the table of cycles.
-
-    Raises:
-        ReadError: CSV030 for a negative size, CSV031 for an unknown motion, CSV032 for a hole
-            without a depth.
-    """
+    """Return kind (n,) and cycle (n,) of every row, and the table of cycles."""
     line = columns.line
     n = len(line)
     kind = np.full(n, MotionKind.LINEAR, dtype=np.int32)

@@ -13,11 +13,7 @@ NORM_GAP = 1e-3
 
 
 def unit_rows(vectors: FloatArray, what: str, line: IntArray, faults: Faults) -> FloatArray:
-    """Return rows (n, d) of length one.
-
-    Raises:
-        ReadError: CSV021 for a zero vector, CSV022 for one that is not of length 1.
-    """
+    """Return rows (n, d) of length one."""
     length = np.linalg.norm(vectors, axis=1)
     zero = np.flatnonzero(~(length > NORM_GAP))
     if len(zero):

@@ -28,13 +28,7 @@ class Pin:
 
 
 def read_pins(path: str | Path) -> tuple[Pin, ...]:
-    """Read a file of pins.
-
-    Raises:
-        DataError: PIN001 not text, PIN002 another header, PIN003 not two cells or an empty name,
-            PIN004 not a number from -360 to 360, PIN005 a tag twice, PIN006 no pin at all.
-        ReadError: IO001, IO002.
-    """
+    """Read a file of pins; errors are ``DataError`` with a ``PIN`` code."""
     text = text_of(read_bytes(path), path, "PIN001")
     pins: dict[str, Pin] = {}
     header_seen = False

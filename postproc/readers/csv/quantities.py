@@ -79,18 +79,7 @@ def usual_factor(name: str, units: str) -> float:
 def check_sizes(
     points: FloatArray, line: IntArray, data: Columns, options: ReadOptions, faults: Faults
 ) -> None:
-    """Ask for a unit where the numbers refute the usual one.
-
-    Args:
-        points: (n, 3) [m].
-        line: (n,) of the points.
-        data: all rows.
-        options: units that were asked for are no question.
-        faults: for the error.
-
-    Raises:
-        ReadError: CSV017.
-    """
+    """Ask for a unit (CSV017) where the numbers of points (n, 3) [m] refute the usual one."""
     for role, text in _refuted(points, data):
         is_length = Dimension.LENGTH in BY_NAME[role].dimensions
         if role in data.bare and not (is_length and options.units is not None):

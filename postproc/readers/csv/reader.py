@@ -89,11 +89,7 @@ class CsvReader:
         return SURE * sum(_looks_like_a_row(row) for row in rows[-10:]) / len(rows[-10:])
 
     def read(self, path: str, options: ReadOptions) -> ToolPath:
-        """Return the points of a list.
-
-        Raises:
-            ReadError: with a ``CSV`` code and the line.
-        """
+        """Return the points of a list; errors have a ``CSV`` code and the line."""
         faults = Faults(path, options.recover)
         layout: Layout | None = None
         columns: list[Column] = []

@@ -36,11 +36,7 @@ def operation_runs(
 def tool_calls(
     names: list[str] | None, line: IntArray, faults: Faults
 ) -> tuple[IntArray, tuple[CamTool, ...], tuple[Event, ...]]:
-    """Return the tool (n,) of each row, the distinct tools, and an event for every change.
-
-    Raises:
-        ReadError: CSV033 for a number that no tool can have.
-    """
+    """Return the tool (n,) of each row, the distinct tools, and an event for every change."""
     n = len(line)
     if names is None:
         return np.full(n, NONE, dtype=np.int32), (), ()
@@ -86,15 +82,9 @@ _SENSES = {
 
 
 def doubted(column: Column, values: FloatArray) -> Column:
-    """Return a column with the question whether its numbers without a unit are speeds.
+    """Return a column, with the question whether its numbers (n,) without a unit are speeds.
 
-    Args:
-        column: of spindle speeds.
-        values: (n,) as the file has them.
-
-    Returns:
-        The column as it is, or with its question. A name of one letter needs a speed in every row,
-        the others may stop the spindle by 0.
+    A name of one letter needs a speed in every row, the others may stop the spindle by 0.
     """
     size = np.abs(values)
     if not any(needs_unit for _, needs_unit in roles_spelled(column.name.strip('" ').lower())):
@@ -110,14 +100,7 @@ def turns_of(
 ) -> FloatArray | None:
     """Return the turns per second (n,) of rows, negative counterclockwise; None without speeds.
 
-    Args:
-        speeds: (n,) [turns/s], NaN in front of the first one.
-        senses: which way, in words; the sign of the speed says it where there are none.
-        line: (n,) of the rows.
-        faults: for the errors.
-
-    Raises:
-        ReadError: CSV035 for a word that is no sense, CSV036 for a sense beside a negative speed.
+    ``speeds`` are NaN in front of the first one; their sign says the sense where no words do.
     """
     if speeds is None or np.isnan(speeds).all():
         return None
@@ -160,17 +143,8 @@ def merged_repeats(
     """Return the mean point of each name and the first row of each, None if no name repeats.
 
     Rows without a name stay as they are, and one hole may stand in several operations, with several
-    tools, depths or speeds, and in several bases.
-
-    Args:
-        names: of the n rows.
-        others: columns of the n rows that tell rows of one name apart.
-        points: (n, 3) [m].
-        line: (n,) source lines.
-        faults: for the warning and the error.
-
-    Raises:
-        ReadError: CSV040 if rows of one name are far apart.
+    tools, depths or speeds, and in several bases: ``others``, columns that tell rows of one name
+    apart. Rows of one name that are far apart are the error CSV040.
     """
     keys = list(zip(names, *others, strict=True))
     if len(set(keys)) == len(names) and "" not in names:

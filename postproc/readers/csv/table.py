@@ -93,11 +93,7 @@ def is_number(text: str, decimal_comma: bool) -> bool:
 
 
 def layout_of(block: TextBlock, faults: Faults) -> Layout:
-    """Return the layout of a file from its first block.
-
-    Raises:
-        ReadError: CSV002 if there is no row of data.
-    """
+    """Return the layout of a file from its first block."""
     rows = list(_sample(block))
     if not rows:
         raise faults.error("CSV002", "no row of data", 1)
@@ -202,18 +198,7 @@ def _usual_width(rows: list[list[str]]) -> int:
 def parse_rows(
     block: TextBlock, layout: Layout, numeric: list[int], texts: list[int], faults: Faults
 ) -> Rows:
-    """Return the rows of a block.
-
-    Args:
-        block: whole lines.
-        layout: of the file.
-        numeric: columns to evaluate.
-        texts: columns to keep as text.
-        faults: for the errors.
-
-    Raises:
-        ReadError: CSV003 for a row of another width, CSV004 for a field that is no number.
-    """
+    """Return the rows of a block: the columns ``numeric`` as numbers, others as texts."""
     data = block.data.replace(b",", b".") if layout.decimal_comma else block.data
     buffer = np.frombuffer(data, dtype=np.uint8)
     longest = int(np.diff(np.flatnonzero(buffer == ord("\n")), prepend=-1).max())

@@ -66,11 +66,7 @@ class _Path:
 
 
 def read_file(path: str, options: ReadOptions) -> ToolPath:
-    """Return the motions of one task or of all tasks that no other one calls.
-
-    Raises:
-        ReadError: with a ``DEL`` code and the line.
-    """
+    """Return the motions of one task or of all tasks that no other one calls."""
     faults = Faults(path, options.recover)
     document = read_document(path, faults)
     return _toolpath(_collected(document, options, faults), document, options, faults)

@@ -46,12 +46,7 @@ Profile = TypeVar("Profile")
 
 
 class Profiles:
-    """The profiles of a robot, and what of them no program keeps to.
-
-    Args:
-        robot: with its profiles.
-        faults: of the file.
-    """
+    """The profiles of a robot, and what of them no program keeps to."""
 
     def __init__(self, robot: RobotData, faults: Faults) -> None:
         self._robot = robot
@@ -59,17 +54,9 @@ class Profiles:
         self._lines: dict[str, list[int]] = {}
 
     def speeds(self, motions: Sequence[Motion], kind: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Return what motions (n,) ask for, NaN where that is nothing.
+        """Return path speeds (n,) [m/s] of lines and arcs, share of axis speed of joint motions.
 
-        Args:
-            motions: in order.
-            kind: (n,) ``MotionKind``.
-
-        Returns:
-            Path speed (n,) [m/s] of lines and arcs, share of axis speed (n,) of joint motions.
-
-        Raises:
-            ReadError: DEL016 for a profile that is not in the file.
+        NaN where they ask for nothing; DEL016 for a profile that is not in the file.
         """
         feed, share = np.full(len(motions), np.nan), np.full(len(motions), np.nan)
         for i, motion in enumerate(motions):
@@ -86,10 +73,7 @@ class Profiles:
         """Return how far (n,) [m] before their targets motions may be left, 0 for an exact stop.
 
         NaN where the file leaves it to the cell: without an accuracy profile, and at a via point
-        whose profile does not fly by.
-
-        Raises:
-            ReadError: DEL016 for a profile that is not in the file.
+        whose profile does not fly by. DEL016 for a profile that is not in the file.
         """
         blends = np.full(len(motions), np.nan)
         for i, motion in enumerate(motions):

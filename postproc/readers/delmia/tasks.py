@@ -14,17 +14,7 @@ MOST_ITEMS = 5_000_000
 def expanded(
     document: Document, task: str | None, faults: Faults
 ) -> Iterator[tuple[str, Motion | Statement]]:
-    """Yield task name and activity, calls followed.
-
-    Args:
-        document: all tasks.
-        task: the one to run; None: every task that no other one calls, in file order.
-        faults: for errors and the warning that several tasks are joined.
-
-    Raises:
-        ReadError: DEL010 for a call of a missing task, DEL011 for tasks that call each other in a
-            circle, DEL012 if the calls multiply beyond reason, DEL013 for an unknown ``task``.
-    """
+    """Yield task name and activity, calls followed, of a task or of all that no other one calls."""
     roots = _roots(document, task, faults)
     sizes: dict[str, int] = {}
     for root in roots:

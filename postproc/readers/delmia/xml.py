@@ -90,13 +90,7 @@ class _Checked:
 
 
 def read_document(path: str, faults: Faults) -> Document:
-    """Return everything in an OLP file that matters to a path.
-
-    Raises:
-        ReadError: DEL001 if the XML is not well-formed, DEL002 for a DTD, DEL003 for another root,
-            DEL004 for a number or unit, DEL005 for a missing element, DEL014 for two robots with
-            tasks, DEL015 for two tasks of one name.
-    """
+    """Return everything in an OLP file that matters to a path; errors have a ``DEL`` code."""
     document = Document()
     with open_input(path) as stream:
         checked = _Checked(stream, faults)

@@ -33,11 +33,7 @@ class ArcWords:
 
 
 def arc_of(words: ArcWords, start: FloatArray, end: FloatArray, faults: Faults) -> ArcRow:
-    """Return the arc from start to end (3,) [m].
-
-    Raises:
-        ReadError: GCD011 where the words give no arc through both points.
-    """
+    """Return the arc from start to end (3,) [m]; GCD011 where the words give none."""
     first, second, third = PLANES[words.plane]
     normal = np.zeros(3)
     normal[third] = -1.0 if words.clockwise else 1.0

@@ -41,12 +41,7 @@ class Block:
 
 
 def block_of(text: str, line: int, faults: Faults) -> Block:
-    """Return the block of a line.
-
-    Raises:
-        ReadError: GCD013 for another language by its name, GCD002 for a macro, GCD001 for what is
-            no word.
-    """
+    """Return the block of a line; macros and other languages are errors."""
     for pattern, name in _OTHER:
         if pattern.search(text):
             raise faults.error(

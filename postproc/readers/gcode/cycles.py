@@ -26,12 +26,7 @@ _MOST_REPEATS = 10_000
 def drill(machine: Machine, said: dict[str, float]) -> None:
     """Make the holes of the block at hand under a drill cycle.
 
-    Args:
-        machine: what holds.
-        said: its words in units of the file but for X, Y, Z, R and Q, which are in metres.
-
-    Raises:
-        ReadError: GCD012 without a depth or a level, GCD010 where the tool is not known to be.
+    ``said``: its words in units of the file but for X, Y, Z, R and Q, which are in metres.
     """
     mode = machine.modes
     if mode.plane != "G17":

@@ -30,11 +30,7 @@ _STOPS = {"M0": EventKind.STOP, "M1": EventKind.OPTIONAL_STOP}
 
 
 def execute(machine: Machine) -> None:
-    """Carry out the block at hand.
-
-    Raises:
-        ReadError: GCD003, GCD004 for words that contradict each other, and what its words raise.
-    """
+    """Carry out the block at hand."""
     codes = [word.code for word in machine.block.words if word.letter in "GM"]
     values = _values(machine)
     _refuse(machine, codes, values)

@@ -42,12 +42,7 @@ class _Call:
 
 
 def read_file(path: str, options: ReadOptions) -> ToolPath:
-    """Return the toolpath of a G-code program.
-
-    Raises:
-        ReadError: with a ``GCD`` code and the line.
-        UsageError: GCD017 if the dialect asked for is unknown.
-    """
+    """Return the toolpath of a G-code program; errors have a ``GCD`` code."""
     faults = Faults(path, options.recover)
     lines = _lines(path)
     if options.dialect not in (None, *DIALECTS):

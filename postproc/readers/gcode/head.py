@@ -49,11 +49,7 @@ class Head:
 
 
 def head_of(text: str | None) -> Head | None:
-    """Return the head that a text such as ``C+z B+y`` describes, None without one.
-
-    Raises:
-        UsageError: GCD018 if it is none.
-    """
+    """Return the head that a text such as ``C+z B+y`` describes, None without one."""
     if text is None:
         return None
     words = text.replace(",", " ").split()

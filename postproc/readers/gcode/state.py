@@ -111,11 +111,7 @@ class Machine(AtLine):
         return bool(np.isfinite(axis).all() and np.abs(axis - UPRIGHT).max() > ROUNDING)
 
     def scale(self) -> float:
-        """Return metres per unit of length.
-
-        Raises:
-            ReadError: GCD005 where neither the file nor the call says, GCD006 where they disagree.
-        """
+        """Return metres per unit of length, which the file or the call must say."""
         stated = {"G20": "inch", "G70": "inch", "G21": "mm", "G71": "mm"}.get(self.modes.units)
         asked = self.options.units
         if stated is None and asked is None:
@@ -155,11 +151,7 @@ class Machine(AtLine):
         self.tags.append(Tag(point.copy(), axis, kind, *place))
 
     def path_feed(self) -> float:
-        """Return the feed of a cut [m/s], NaN where the file gives none.
-
-        Raises:
-            ReadError: GCD014 for a feed per turn while the speed is not known.
-        """
+        """Return the feed of a cut [m/s], NaN where the file gives none."""
         if self.modes.feed != "G95":
             return self.feed / 60.0
         if not self.speed > 0.0:

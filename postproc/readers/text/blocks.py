@@ -28,16 +28,9 @@ def last_line_end(data: bytes) -> int:
 
 
 def text_blocks(path: str, cut: Callable[[bytes], int] = last_line_end) -> Iterator[TextBlock]:
-    """Yield the lines of a file in blocks.
+    """Yield the lines of a file in blocks; ``cut`` tells where the last whole unit of data ends.
 
     CR LF stays as it is (the CR counts as a blank); files with CR alone are translated.
-
-    Args:
-        path: the file.
-        cut: returns where the last whole unit of the data ends, at a line end.
-
-    Raises:
-        ReadError: IO001, IO002; IO012 if it is no text; IO015 if a line is too long.
     """
     line = 1
     rest = b""

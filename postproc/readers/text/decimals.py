@@ -65,13 +65,7 @@ def parse_tokens(
 ) -> tuple[FloatArray, BoolArray]:
     """Return the values (n,) of the texts ``buffer[starts:ends]`` and which of them are numbers.
 
-    Args:
-        buffer: bytes of the file.
-        starts: (n,) first byte of each token, blanks before the number are allowed.
-        ends: (n,) end of each token, exclusive.
-
-    Returns:
-        values (n,), NaN where the text is no finite decimal number; valid (n,).
+    Blanks around a number are allowed; what is no finite decimal number is NaN.
     """
     starts = trim_start(buffer, starts, ends)
     ends = trim_end(buffer, starts, ends)

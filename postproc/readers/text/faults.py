@@ -19,12 +19,7 @@ class _Kept:
 
 
 class Faults:
-    """Collects what a reader finds in one file.
-
-    Args:
-        path: the file as the user named it.
-        recover: fix what has one possible meaning instead of an error.
-    """
+    """Collects what a reader finds in one file; ``recover``: fix what has one possible meaning."""
 
     def __init__(self, path: str, recover: bool) -> None:
         self.path = path
@@ -54,18 +49,7 @@ class Faults:
         self._keep(self._warnings, code, message, line)
 
     def fix(self, code: str, message: str, done: str, line: int, text: str = "") -> None:
-        """Record a fault that has one possible meaning.
-
-        Args:
-            code: stable code.
-            message: what is wrong.
-            done: what ``--recover`` makes of it.
-            line: 1-based line.
-            text: what stands there.
-
-        Raises:
-            ReadError: unless recovering was asked for.
-        """
+        """Record a fault that has one possible meaning, or raise it; ``done``: how it is read."""
         if not self.recover:
             raise self.error(code, message, line, text, f"--recover reads it so: {done}")
         self._keep(self._fixes, code, f"{message}; {done}", line)

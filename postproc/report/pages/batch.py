@@ -12,12 +12,7 @@ _SHOWN = 3
 
 
 def batch_page(document: Mapping[str, Any], links: Mapping[str, str] | None = None) -> bytes:
-    """Return the page of a batch as one self-contained file.
-
-    Args:
-        document: ``postproc.batch_result/1``.
-        links: from the key of an input to the address of its own page, where it has one.
-    """
+    """Return the page of a batch; ``links``: addresses of the inputs' own pages where there are."""
     entries: Mapping[str, Mapping[str, Any]] = document["entries"]
     failed = [key for key, entry in entries.items() if entry["status"] != "ok"]
     good = [key for key in entries if key not in set(failed)]

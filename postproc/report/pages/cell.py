@@ -35,13 +35,7 @@ def cell_page(
     """Return the page of a cell as one self-contained HTML file.
 
     Frames are those of the robot root, of the workpieces and of the tools; of several tools and
-    bases one each is shown, which the reader chooses.
-
-    Args:
-        drawing: of the cell.
-        stance: how the robot stands in it.
-        facts: what ``check --json`` says of it.
-        findings: findings.
+    bases one each is shown, which the reader chooses. ``facts``: what ``check --json`` says of it.
     """
     cell = drawing.cell
     good = not any(finding.is_error for finding in findings)

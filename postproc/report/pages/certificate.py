@@ -20,12 +20,7 @@ _MOST_ROWS = 40
 
 
 def add_certificate(page: Page, content: dict[str, Any]) -> None:
-    """Add the certificate to a page.
-
-    Args:
-        page: to add to.
-        content: document of the diagnosis, with its ``certificate``.
-    """
+    """Add the certificate of a diagnosis' document to a page."""
     told = content["certificate"]
     page.section("Certificate: subject and instrument", _subject(told), "half")
     page.section("Certificate: conditions", _conditions(told), "half")

@@ -53,14 +53,7 @@ def diagnosis_page(
     drawing: Drawing | None = None,
     path: Along | None = None,
 ) -> bytes:
-    """Return the page as bytes.
-
-    Args:
-        diagnosis: the answer to a campaign.
-        content: its document, as printed by ``--json``.
-        drawing: of the cell; None: the points alone.
-        path: where the rows lie on a program.
-    """
+    """Return the page of a diagnosis with its document; without a drawing the points alone."""
     title = f"Sim-to-real gap: {content['verdict'].replace('_', ' ')}"
     page = Page(title, [headline(content)])
     _at_a_glance(page, diagnosis, content)

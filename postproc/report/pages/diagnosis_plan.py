@@ -14,15 +14,7 @@ from postproc.units import DEG, PERCENT
 def diagnosis_plan_page(
     content: dict[str, Any], names: list[str], q: FloatArray, points: FloatArray, drawing: Drawing
 ) -> bytes:
-    """Return the page as bytes.
-
-    Args:
-        content: the ``postproc.diagnosis_plan/1`` document.
-        names: of the n readings.
-        q: (n, 6) [rad].
-        points: (n, 3) tool points [m], robroot.
-        drawing: of the cell.
-    """
+    """Return the page of a plan; names, q (n, 6) [rad] and points (n, 3) [m] of its readings."""
     shown = [one for one in content["effects"] if _is_told(one)]
     hidden = [one["name"] for one in content["effects"] if not _is_told(one)]
     share = f"{content['power'] / PERCENT:.0f} %"

@@ -26,12 +26,7 @@ _MOST_ROWS = 3000
 
 
 def identify_page(result: Identification, drawing: Drawing | None = None) -> bytes:
-    """Return the page as bytes.
-
-    Args:
-        result: what was identified.
-        drawing: of the cell; None: the points alone.
-    """
+    """Return the page of what was identified; without a drawing the points alone."""
     content = identify_document(result)
     page = Page(
         "Joint stiffness",

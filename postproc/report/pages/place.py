@@ -23,14 +23,10 @@ def place_page(
     ranked: Mapping[_Point, Rank],
     document: Mapping[str, Any],
 ) -> bytes:
-    """Return the page as one self-contained HTML file.
+    """Return the page of ``postproc.place/1`` as one self-contained HTML file.
 
-    Args:
-        drawing: of the cell with the best place.
-        q: how the arm stands in it (6,) [rad].
-        reach: share of the tags in reach at each place: X, Y, Z [mm], turn [deg].
-        ranked: what is known of those that were tried with solids.
-        document: ``postproc.place/1``.
+    ``q`` (6,) [rad]: how the arm stands in the cell with the best place; ``reach``: share of the
+    tags in reach at each place X, Y, Z [mm], turn [deg]; ``ranked``: those tried with solids.
     """
     best = max(ranked.values(), key=lambda rank: rank.key, default=None)
     order = sorted(reach, key=lambda at: (ranked[at].key if at in ranked else (), reach[at]))

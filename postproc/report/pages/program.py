@@ -45,16 +45,10 @@ def program_page(
     presets: Sequence[Sequence[str]] = (),
     causes: Sequence[str] = (),
 ) -> bytes:
-    """Return the page of a plan as one self-contained HTML file.
+    """Return the page of a plan, one that failed with its failing tags and the solids that hit.
 
-    Args:
-        plan: the plan; one that failed shows its failing tags and the solids that hit.
-        drawing: of the cell it was planned for.
-        maps: what is known of its tags.
-        findings: all findings of the conversion.
-        text: the program text, read back; None when no text was written.
-        presets: head and rows of what each preset would lose and gain; none where not asked.
-        causes: why tags fail and what cures it, behind the verdict.
+    ``text``: read back, None when none was written; ``presets``: head and rows of what each would
+    lose and gain; ``causes``: why tags fail and what cures it, behind the verdict.
     """
     columns = tag_columns(plan, drawing.cell, maps, text)
     verdict, *more = lead(plan, maps, columns, findings)

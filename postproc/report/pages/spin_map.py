@@ -16,12 +16,7 @@ _COSTLY = 5.0 * PERCENT
 
 
 def spin_map_page(spins: SpinMap, cell_name: str) -> bytes:
-    """Return the page of a map as one self-contained HTML file.
-
-    Args:
-        spins: the map.
-        cell_name: for the title.
-    """
+    """Return the page of a map as one self-contained HTML file."""
     picture = draw(spins)
     page = Page(f"Spin map of {spins.plan.name}: {cell_name}", _lead(spins, picture))
     page.script = "spin_map.js"

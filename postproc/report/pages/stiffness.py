@@ -20,14 +20,9 @@ _SHOWN = ("axial", "normal", "ellipsoid_kx", "ellipsoid_kv")
 def stiffness_page(
     curves: SpinCurves, places: FloatArray, title: str, stiffness: str, drawing: Drawing
 ) -> bytes:
-    """Return the page as bytes.
+    """Return the page of curves of tags at places (t, 3) [m] in the robot root.
 
-    Args:
-        curves: indices over the spin.
-        places: of their tags (t, 3) [m] in the robot root.
-        title: name of the toolpath.
-        stiffness: what the joint stiffness is, in words.
-        drawing: of the cell.
+    ``stiffness``: what the joint stiffness is, in words.
     """
     can, robot = curves.best("axial") >= 0, drawing.cell.robot
     q = curves.q[np.arange(len(can)), np.maximum(curves.best("axial"), 0)]

@@ -16,12 +16,7 @@ _MOST_DOTS = 1200
 
 
 def trace_page(found: PathDiagnosis, content: dict[str, Any]) -> bytes:
-    """Return the page as bytes.
-
-    Args:
-        found: the answer to a recording.
-        content: its document.
-    """
+    """Return the page of the answer to a recording, with its document."""
     lines = summary(content)
     page = Page(f"Gap along the path: {content['verdict'].replace('_', ' ')}", [lines[0]])
     page.section("Path, the worse the darker", _path(found), "half")

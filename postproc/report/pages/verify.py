@@ -63,17 +63,7 @@ class RunMaps:
 def verify_page(
     report: VerifyReport, drawing: Drawing, maps: RunMaps, toolpath: ToolPath | None = None
 ) -> bytes:
-    """Return the page of a verification as one self-contained HTML file.
-
-    Args:
-        report: with its run.
-        drawing: of the cell that the program was run in.
-        maps: what is known of its motions.
-        toolpath: the CAM file that it was compared with.
-
-    Raises:
-        ValueError: if the report has no run.
-    """
+    """Return the page of a verification, whose report has its run, as one HTML file."""
     if report.run is None:
         raise ValueError("a report without its run cannot be shown")
     columns = _columns(report.run, maps)

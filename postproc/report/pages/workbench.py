@@ -16,12 +16,7 @@ from postproc.units import DEG, MM, N_PER_MM
 
 
 def workbench_page(cell: str, source: str) -> bytes:
-    """Return the page without a plan, which it asks for.
-
-    Args:
-        cell: name of the cell file.
-        source: that of the input.
-    """
+    """Return the page without a plan, which it asks for; by the names of cell and input."""
     page = Page(f"{source} in {cell}", ["", ""])
     page.script = "workbench.js"
     page.data |= {

@@ -45,16 +45,7 @@ def line_chart(
     size: tuple[int, int] = (560, 260),
     log_y: bool = False,
 ) -> str:
-    """Return a line chart; gaps where values are not finite.
-
-    Args:
-        series: lines.
-        x_label: of the x axis.
-        y_label: of the y axis.
-        levels: named horizontal lines.
-        size: width and height [px].
-        log_y: logarithmic y axis.
-    """
+    """Return a line chart of ``size`` [px] with named horizontal lines; gaps where not finite."""
     return _chart(series, levels, size, {"xLabel": x_label, "yLabel": y_label, "log": log_y})
 
 

@@ -12,11 +12,7 @@ _LITTLE = 0.5
 
 
 def where_joint(content: dict[str, Any]) -> str:
-    """Return at which joint most of the explained gap enters.
-
-    Args:
-        content: the document of ``diagnose --json``, of this and all others here.
-    """
+    """Return at which joint most of the explained gap of a diagnosis' document enters."""
     joints = sorted(content["where"]["joints"], key=lambda item: -item["share"])
     if not joints or not content["adopted"]:
         return "No cause is named, so no joint is."

@@ -11,11 +11,7 @@ _ENOUGH = 0.6
 
 
 def headline(content: dict[str, Any]) -> str:
-    """Return the sentence that a diagnosis page leads with.
-
-    Args:
-        content: the document of ``diagnose --json``.
-    """
+    """Return the sentence that a diagnosis page leads with, from its document."""
     gap, total = content["gap"]["rms_mm"], content["shrinkage"]
     if content["verdict"] == "no_gap":
         return f"No gap: what is measured, {gap:.3f} mm, {noise_like(content)}."

@@ -27,12 +27,7 @@ _OTHER = re.compile(r"^(?:import|export)\b.*|\b(?:export\{|import\().*", re.MULT
 
 @cache
 def one_script(entry: str, folder: Path = ASSETS) -> str:
-    """Return a module and all that it imports as one script.
-
-    Raises:
-        ValueError: modules import each other, a name is not exported where it is imported from, or
-            a form is not understood.
-    """
+    """Return a module and all that it imports as one script; ValueError where that is not clear."""
     modules: dict[str, _Module] = {}
     _add(entry, folder, modules, ())
     return "".join(module.as_constant() for module in modules.values())

@@ -43,14 +43,7 @@ class TagColumn:
 def tag_columns(
     plan: Plan, cell: Cell, maps: PlanMaps, text: ProgramText | None
 ) -> list[TagColumn]:
-    """Return the columns of a plan; those without a single number are left out.
-
-    Args:
-        plan: the plan.
-        cell: its cell.
-        maps: moves and clearances of its tags.
-        text: the program text, for the deviation.
-    """
+    """Return the columns of a plan; those without a single number are left out."""
     moves = maps.moves
     columns = [
         *_frames(cell, maps),

@@ -70,13 +70,7 @@ class Calls:
 
 
 def calls_of(paths: Paths, cell: Cell, tags: Served) -> Calls:
-    """Return the calls of a program beside the events of its CAM file.
-
-    Args:
-        paths: the program.
-        cell: names of the routines.
-        tags: which motions go to which tags.
-    """
+    """Return the calls of a program beside the events of its CAM file."""
     spans, trace = _Spans(paths, tags), paths.trace
     names = {kind: name.upper() for kind, name in cell.krl.hooks.items()}
     everything = _asked(tags.toolpath, cell, spans)
@@ -233,11 +227,7 @@ _DIGITS = 1e-3
 def paired_steps(trace: Trace, cell: Cell, toolpath: ToolPath, served: AnyIntArray) -> Paired:
     """Pair the calls around holes with the steps that the cell wants.
 
-    Args:
-        trace: of the program.
-        cell: names of the steps and their routines.
-        toolpath: what was asked for, its holes numbered.
-        served: (n,) motion that goes to the bottom of each hole, or to where the robot stands.
+    ``served`` (n,): motion that goes to the bottom of each hole, or to where the robot stands.
     """
     found = Paired([], [], [])
     names = [cell.krl.hooks[name].upper() for name in cell.process.hole]

@@ -193,14 +193,7 @@ class Again:
 def program_order(
     cell: Cell, toolpath: ToolPath, real: RealPaths, tolerance: float
 ) -> tuple[IndexArray, tuple[Again, ...]]:
-    """Return the tags (n,) in the order of the program, and holes that it drills too often.
-
-    Args:
-        cell: says whether the order of holes is free.
-        toolpath: what was asked for.
-        real: paths of the tool that is compared.
-        tolerance: of points [m].
-    """
+    """Return the tags (n,) in the order of the program, and holes that it drills too often."""
     order = np.arange(len(toolpath))
     runs = hole_runs(toolpath) if cell.optimize.free_order else []
     if not runs or not len(real.commanded):

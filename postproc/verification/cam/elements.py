@@ -173,15 +173,7 @@ class Ways:
 def ways_of(
     toolpath: ToolPath, wanted: Wanted, served: AnyIntArray, real: RealPaths, tolerance: float
 ) -> Ways:
-    """Return how the lines and arcs between served tags are run.
-
-    Args:
-        toolpath: what was asked for.
-        wanted: the same, as points.
-        served: (n,) motion that goes to each tag, -1 for none.
-        real: paths of the tool that is compared.
-        tolerance: of the way [m].
-    """
+    """Return how the lines and arcs between tags served by motions (n,), -1 for none, are run."""
     paths, kind = real.commanded, np.asarray(wanted.kind)
     rows = np.flatnonzero(np.isin(kind, CUTS) & (served >= 0))
     first, rows = rows[rows == 0], rows[rows > 0]
@@ -227,14 +219,8 @@ def follow(
 ) -> Followed:
     """Return how motions first..last follow an element whose start is the end of ``first - 1``.
 
-    Args:
-        element: where the tool must go, part.
-        paths: all motions.
-        first: first motion behind the element's start.
-        last: motion that ends at the element's end.
-        tolerance: [m].
-        before: all motions under the load of the element's start, if another; the load changes
-            along the first motion.
+    ``before``: all motions under the load of the element's start, if another; the load changes
+    along the first motion. ``tolerance`` [m].
     """
     before = before or paths
     reached, worst, worst_motion = 0.0, 0.0, last

@@ -136,15 +136,8 @@ def match_of(
 ) -> Match:
     """Return what a program and its CAM file have to do with each other.
 
-    Args:
-        paths: of the program.
-        cell: the chord tolerance, the feed where the file gives none, the order of holes.
-        toolpath: what was asked for.
-        tolerances: how far the program may be off.
-        displacement: of the real tool point against the commanded one; None: as commanded.
-
-    Raises:
-        DataError: VER001 if a tag has no point, only the joint angles of some robot.
+    ``displacement``: of the real tool point against the commanded one; None: as commanded. VER001
+    if a tag has no point, only the joint angles of some robot.
     """
     _require_points(toolpath)
     left = 0.0 if displacement is None else displacement.left

@@ -137,15 +137,7 @@ class Visits:
 def visits_of(
     real: RealPaths, wanted: Wanted, assigned: Assignment, tolerance: float, left: float
 ) -> Visits:
-    """Return which motions go to the wanted points.
-
-    Args:
-        real: paths of the tool that is compared.
-        wanted: what the CAM file asks for.
-        assigned: the tool and the base of each tag.
-        tolerance: [m].
-        left: up to this [m] the tolerance is doubled until all points are served.
-    """
+    """Return which motions go to the wanted points; ``left`` as ``most`` of ``match``."""
     paths = real.commanded
     own = np.isin(wanted.kind, (MotionKind.ARC, MotionKind.HOLE))
     own[1:] |= wanted.kind[:-1] == MotionKind.HOLE  # a stroke ends above the point
@@ -185,16 +177,12 @@ def match(
     case: IntArray | None = None,
     most: float = 0.0,
 ) -> Visits:
-    """Return for each wanted point which visited point serves it.
+    """Return for each wanted point (r, 3) which visited point (v, 3) serves it, both in order [m].
 
-    Args:
-        wanted: (r, 3) [m] in order.
-        visited: (v, 3) [m] in order, or (c, v, 3) under each of c loads.
-        tolerance: [m].
-        is_own: (r,) points that need a visit of their own (the end of a full circle, another tool
-            axis); any other point that repeats the one before shares its visit. None: none is.
-        case: (r,) the load that counts for each point; None: the first.
-        most: up to this [m] the tolerance is doubled until all points are served.
+    Visited points may be (c, v, 3) under each of c loads, of which ``case`` (r,) counts. Points
+    ``is_own`` (r,) need a visit of their own (the end of a full circle, another tool axis); any
+    other point that repeats the one before shares its visit. Up to ``most`` the tolerance [m] is
+    doubled until all points are served.
     """
     visited = visited[None] if visited.ndim == 2 else visited
     if not len(wanted) or not visited.shape[1]:
@@ -243,11 +231,8 @@ def bottoms_apart(
 ) -> tuple[FloatArray, IntArray]:
     """Return the end points by load, and cases, with holes kept off what is only passed in them.
 
-    Args:
-        visited: (c, v, 3) [m] in order under each of c loads.
-        case: (r,) the load that counts for each point.
-        is_hole: (r,) points at the bottom of a hole.
-        passed: (v,) motions that end at a peck, as ``passed_pecks`` finds them.
+    ``visited`` (c, v, 3) [m] in order under each of c loads, of which ``case`` (r,) counts for each
+    point; ``is_hole`` (r,): at the bottom of a hole; ``passed`` (v,): ends at a peck.
     """
     if not passed.any() or not is_hole.any():
         return visited, case

@@ -62,11 +62,7 @@ def real_paths(
 ) -> RealPaths:
     """Return the paths of the real tool under every load of a CAM file, or those commanded.
 
-    Args:
-        paths: as commanded.
-        cell: the process loads, and the feed where the file gives none.
-        toolpath: what was asked for.
-        displacement: real minus nominal tool point; None: there is none.
+    ``displacement``: real minus nominal tool point; None: there is none.
     """
     if displacement is None:
         return RealPaths.nominal(paths, len(toolpath))

@@ -54,10 +54,8 @@ State = Mapping[str, object]
 class States:
     """What the events of a program find, and what the CAM file says that they find.
 
-    Args:
-        events: of the program, as it is run.
-        asked: (event of the file, its call, None for a dwell) in the file's order.
-        extra: (kind, call) of those calls that the file does not ask for.
+    ``asked``: (event of the file, its call, None for a dwell) in the file's order; ``extra``:
+    (kind, call) of those calls that the file does not ask for.
     """
 
     def __init__(
@@ -117,12 +115,7 @@ class States:
         return ""
 
     def faults(self, trace: Trace, is_cut: BoolArray) -> Iterator[Remark]:
-        """Yield events that find, and cuts that run with, other than the file says.
-
-        Args:
-            trace: of the program.
-            is_cut: (m,) motions that cut.
-        """
+        """Yield events that find, and cuts (m,) that run with, other than the file says."""
         wrong = [
             (call, text)
             for event, call in self._asked
@@ -183,13 +176,7 @@ class Paired(NamedTuple):
 def paired_signals(trace: Trace, cell: Cell, everything: Sequence[Asked]) -> Paired:
     """Pair signals and waits for them with those of the CAM file, in their order.
 
-    Args:
-        trace: of the program.
-        cell: which signals are outputs and inputs, and the names of the routines for the others.
-        everything: the events of the file and where each belongs.
-
-    Returns:
-        The signals that are there; none of a group with too many or too few.
+    Returns those that are there; none of a group with too many or too few.
     """
     ports: Mapping[EventKind, Mapping[str, int]] = {
         EventKind.SIGNAL: cell.krl.outputs,
@@ -239,12 +226,7 @@ def fault(trace: Trace, call: TraceEvent | None, text: str) -> Remark:
 
 
 def count_text(found: str, asked: Sequence[Asked]) -> str:
-    """Return what is said where a program has too many or too few events of some kind.
-
-    Args:
-        found: what it has.
-        asked: what the CAM file asks for.
-    """
+    """Return what is said where a program has too many or too few events of some kind."""
     lines = ", ".join(str(event.line) for event, _ in asked[:5])
     where = f" (lines {lines})" if asked else ""
     return f"{found}, the CAM file asks for {len(asked)}{where}"

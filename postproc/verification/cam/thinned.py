@@ -58,12 +58,7 @@ def passed_of(
 ) -> Passed:
     """Return the tags that are passed, as far as the cell lets the program pass any.
 
-    Args:
-        cell: says how.
-        toolpath: what was asked for.
-        real: paths of the tool that is compared.
-        tilts: the axes that are allowed.
-        limits: the tolerance of points [m], and how far off they may be left at most.
+    ``limits``: the tolerance of points [m], and how far off they may be left at most.
     """
     if cell.motion.thin is None or not len(real.commanded) or not len(toolpath):
         return _NONE

@@ -48,12 +48,7 @@ class Tilts:
         return Tilts(self.allowed, self.holder[tags], self.feed[tags])
 
     def judge(self, tags: AnyIntArray, axis: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the error and the allowed tilt (m,) [rad] of tool axes.
-
-        Args:
-            tags: (m,) where the tool stands.
-            axis: (m, 3) unit, where it points, into the part.
-        """
+        """Return the error and the allowed tilt (m,) [rad] of tool axes (m, 3), into the part."""
         holder, feed = self.holder[tags], self.feed[tags]
         low, high = self._limits(feed)
         angles = np.clip(_angles(-axis, holder, feed), low, high)
@@ -71,11 +66,8 @@ class Tilts:
     def beyond(self, row: int, share: FloatArray, axis: FloatArray, arc: Arc | None) -> FloatArray:
         """Return by how much (k,) [rad] tool axes on the way to a tag leave the ranges.
 
-        Args:
-            row: the tag.
-            share: (k,) of the way from the tag before.
-            axis: (k, 3) unit, into the part.
-            arc: the way, None for a line.
+        ``share`` (k,) of the way, a line or ``arc``, from the tag before; ``axis`` (k, 3), into the
+        part.
         """
         start, end = self.feed[row - 1], self.feed[row]
         if arc is not None:
