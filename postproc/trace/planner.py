@@ -42,7 +42,7 @@ SLACK = 0.01
 PLATEAU = 0.08
 """Least time [s] at one speed of a line whose feed is judged."""
 LEVEL = 0.02
-"""Largest change of the speed within 40 ms, as a share of it, that is still one speed."""
+"""Largest change of the speed within 40 ms, and from the line's highest, that is one speed."""
 SCATTERS = 0.03
 """Largest scatter of the lines' ratios of a deviation that is one factor."""
 
@@ -195,7 +195,9 @@ def feed(scene: Scene, match: Match) -> Planned | None:
         for number in np.unique(motion[motion >= 0]):
             if not program.feed[number] > 0.0:
                 continue
-            rows = np.flatnonzero(steady & (motion == number))
+            here = motion == number
+            # the smallest speed in a rounded corner is one speed too, and no feed
+            rows = np.flatnonzero(steady & here & (v > (1.0 - LEVEL) * v[here].max()))
             if len(rows) * scene.recording.cycle < PLATEAU:
                 continue
             # a short line is never at speed: its top is no plateau, or its plateau is no top
