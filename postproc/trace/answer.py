@@ -18,7 +18,7 @@ from postproc.trace.contour import contour_error
 from postproc.trace.effect import JOINTS, LINK, PATH_EFFECTS, PROGRAM, TOOL, WHOLE, known_effects
 from postproc.trace.evidence import PROBABLE, STRETCHES, WHOLE_RUNS, Verdict, judged, withheld
 from postproc.trace.fit import values_of
-from postproc.trace.planner import Planned, feed, less_known, rounding
+from postproc.trace.planner import Planned, asked, less_known
 from postproc.trace.program import Programmed, matched
 from postproc.trace.recording import Recording
 from postproc.trace.scene import Scene, Stage, carried
@@ -102,22 +102,28 @@ class PathDiagnosis:
                 SourceRef(recording.path),
             )
         self.known = {} if model is None else known_effects(model)
-        self.match = None if program is None else matched(self.scene, program)
+        self.match = self._programmed = None if program is None else matched(self.scene, program)
         self.known_of_planner: tuple[str, ...] = ()
         if self.match is not None and model is not None:
             self.match, self.known_of_planner = less_known(self.scene, self.match, model)
         self.planned: list[Planned] = []
         if self.match is not None:
             self._clock.begin("program")
-            asked = (rounding(self.scene, self.match), feed(self.scene, self.match))
-            self.planned = [p for p in asked if p is not None]
+            self.planned = asked(self.scene, self.match)
         self._known: dict[str, FloatArray] = {}
         present = [stage.name for stage in self.stages]
         for k, stage in enumerate(self.stages):
-            values = self._known_at(stage, present)
+            known = self._known_at(stage, present)
+            values = values_of(stage, known)
             off = sum(values.values(), np.zeros_like(stage.gap))
-            self.stages[k] = Stage(stage.name, stage.scene, stage.gap - off)
+            self.stages[k] = Stage(stage.name, stage.scene, stage.gap - off, known)
             self._known |= {name: stage.at_tool(value) for name, value in values.items()}
+
+    @property
+    def as_programmed(self) -> dict[str, Planned]:
+        """Effects of the planner, by name, as they are if none is known."""
+        match = self._programmed
+        return {} if match is None else {p.name: p for p in asked(self.scene, match)}
 
     @cached_property
     def verdicts(self) -> list[Verdict]:
@@ -148,13 +154,12 @@ class PathDiagnosis:
         return stages
 
     def _known_at(self, stage: Stage, present: list[str]) -> dict[str, FloatArray]:
-        """Return the values of known effects that enter first at a stage, of those there are."""
-        thetas = {}
-        for name, theta in self.known.items():
-            stages = PATH_EFFECTS.get(name).stages
-            if stage.name == next((s for s in present if s in stages), None):
-                thetas[name] = theta
-        return values_of(stage, thetas)
+        """Return the known effects that enter first at a stage, of those there are."""
+        first = {
+            name: next((s for s in present if s in PATH_EFFECTS.get(name).stages), None)
+            for name in self.known
+        }
+        return {name: theta for name, theta in self.known.items() if first[name] == stage.name}
 
     @cached_property
     def gap(self) -> FloatArray:

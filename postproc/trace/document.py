@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -209,23 +210,33 @@ def _not_testable(found: PathDiagnosis) -> list[dict[str, Any]]:
 
 
 def model_file(found: PathDiagnosis, given: ModelFile | None) -> ModelFile:
-    """Return the given model plus what was adopted."""
+    """Return the given model plus what was adopted: of what it had already, both together."""
     effects = {} if given is None else dict(given.effects)
-    for row in reversed(_effects(found)):
-        if row["adopted"]:
-            name = row["name"]
-            keys = row["parameters"] if name in PLANNER else PATH_EFFECTS.get(name).keys
-            table = {k: v for k, v in row["parameters"].items() if k in keys}
-            effects[row["name"]] = {k: _without_none(v) for k, v in table.items()}
+    for name in reversed(found.adopted):
+        effects[name] = _whole(found, name, effects.get(name, {}))
     if found.adopted:
         effects[REST] = found.left_off_path
     return replace(given or ModelFile(), effects=effects, text=None)
 
 
-def _without_none(value: Any) -> Any:  # noqa: ANN401 - numbers, texts, lists of them
-    if isinstance(value, list):
-        return [_without_none(v) for v in value]
-    return float("nan") if value is None else value
+def _whole(found: PathDiagnosis, name: str, had: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the table of an effect, known and new; what the rows cannot tell is as it was."""
+    if name in found.as_programmed:
+        return found.as_programmed[name].parameters
+    effect = PATH_EFFECTS.get(name)
+    at = [verdict for verdict in found.verdicts if name in verdict.adopted]
+    parts = [verdict.fitted.thetas[name] for verdict in at]
+    parts += [found.known[name]] if name in found.known else []
+    deviation = at[0].fitted.deviations[name]
+    table = effect.table(at[0].stage, reduce(effect.joined, parts), deviation)
+    return {k: _with(had.get(k), v) for k, v in table.items() if k in effect.keys}
+
+
+def _with(had: Any, new: Any) -> Any:  # noqa: ANN401 - numbers, texts, lists of them
+    """Return a value where it is known, else what there was."""
+    if isinstance(new, list):
+        return [_with(h, n) for h, n in zip(had or [None] * len(new), new, strict=True)]
+    return new if new is not None else float("nan") if had is None else had
 
 
 def summary(told: dict[str, Any]) -> Sequence[str]:

@@ -75,6 +75,10 @@ class PathEffect(ABC):
         """Return the parameters after a step of the fit."""
         return np.asarray(theta + step)
 
+    def joined(self, theta: FloatArray, more: FloatArray) -> FloatArray:
+        """Return the parameters (p,) of two parts of the effect as one."""
+        return theta + more
+
     def lasting(self, theta: FloatArray) -> FloatArray:
         """Return the parameters (p,) of what stays until a joint moves otherwise."""
         return theta

@@ -9,7 +9,7 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
 from postproc.records import dataclass
-from postproc.trace.effect import PATH_EFFECTS
+from postproc.trace.effect import PATH_EFFECTS, Part
 from postproc.trace.scene import Stage
 from postproc.trace.signals import memory
 
@@ -47,10 +47,16 @@ class Fit:
 
 def values_of(stage: Stage, thetas: Thetas) -> dict[str, FloatArray]:
     """Return the value (m, n) of each effect."""
-    return {
-        name: PATH_EFFECTS.get(name).part(stage, theta, False).value
-        for name, theta in thetas.items()
-    }
+    return {name: _part(stage, name, theta, False).value for name, theta in thetas.items()}
+
+
+def _part(stage: Stage, name: str, theta: FloatArray, tangent: bool = True) -> Part:
+    """Return what parameters of an effect do beyond the known ones: two lags are none in a row."""
+    effect, known = PATH_EFFECTS.get(name), stage.known.get(name)
+    if known is None:
+        return effect.part(stage, theta, tangent)
+    both = effect.part(stage, effect.joined(known, theta), tangent)
+    return Part(both.value - effect.part(stage, known, False).value, both.pieces)
 
 
 def rest_of(stage: Stage, thetas: Thetas) -> FloatArray:
@@ -129,7 +135,7 @@ def _means(rest: FloatArray, good: BoolArray) -> FloatArray:
 def _solved(stage: Stage, thetas: Thetas, sigma: FloatArray, good: BoolArray) -> Fit:
     """Return a Gauss-Newton step, rows weighed by the size of the rest and how long it lasts."""
     names = list(thetas)
-    parts = {name: PATH_EFFECTS.get(name).part(stage, theta) for name, theta in thetas.items()}
+    parts = {name: _part(stage, name, theta) for name, theta in thetas.items()}
     firsts = dict(zip(names, np.cumsum([0, *(len(thetas[n]) for n in names)]), strict=False))
     total = sum(len(thetas[n]) for n in names)
     m = len(stage.gap)

@@ -64,6 +64,11 @@ class Planned:
     is_place: bool
 
 
+def asked(scene: Scene, match: Match) -> list[Planned]:
+    """Return what can be told of the planner."""
+    return [p for p in (rounding(scene, match), feed(scene, match)) if p is not None]
+
+
 def rounding(scene: Scene, match: Match) -> Planned | None:
     """Return how far before its corners the command leaves the program; None without corners."""
     corners = corners_of(match.program)

@@ -6,7 +6,8 @@ the difference that is to be explained there, in columns: six joint angles or th
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import field
 from functools import cached_property
 
 import numpy as np
@@ -156,11 +157,13 @@ class Stage:
         name: ``joints``, ``link``, ``tool`` or ``whole``.
         scene: where.
         gap: (m, n) difference of each output [rad or m]; NaN where not known.
+        known: parameters of effects that are taken off the gap already, by name.
     """
 
     name: str
     scene: Scene
     gap: FloatArray
+    known: Mapping[str, FloatArray] = field(default_factory=dict)
 
     @property
     def in_joints(self) -> bool:
@@ -189,4 +192,4 @@ class Stage:
 
     def rows(self, index: AnyIntArray) -> Stage:
         """Return the stage at some rows (k,), rising."""
-        return Stage(self.name, self.scene.rows(index), self.gap[:, index])
+        return Stage(self.name, self.scene.rows(index), self.gap[:, index], self.known)

@@ -14,9 +14,10 @@ from postproc.compensation.along import _rest
 from postproc.compensation.drive import _standing
 from postproc.errors import DataError, EmitError
 from postproc.gap import EFFECTS
-from postproc.model import ModelFile
+from postproc.model import ModelFile, save_model
 from postproc.trace import PATH_EFFECTS, known_effects
 from tests.places import FIXTURES
+from tools.blind.traces.cases import write_case
 
 CELL = FIXTURES / "drift_campaign" / "cell.toml"
 LAG = "[effects.servo_lag]\ndelay_ms = [4.0, 22.0, 9.0, 5.0, 12.0, 8.0]\n"
@@ -101,6 +102,39 @@ def test_a_shift_answers_what_lasts():
     np.testing.assert_array_equal(stays[:6], theta[:6])
     assert not stays[6:12].any()
     assert not stays[18:24].any()
+
+
+@pytest.mark.parametrize(
+    ("seed", "cause", "keys"),
+    [(91, "servo_lag", ["delay_ms"]), (2, "reversal_error", ["half_gap_deg", "spike_deg"])],
+)
+def test_more_of_what_is_known_is_written_as_one(seed, cause, keys, told, tmp_path, capsys):
+    write_case(tmp_path, seed, "single")
+    log, cell, program = (str(tmp_path / n) for n in ("log.csv", "cell.toml", "program.src"))
+    call = ["diagnose", "--trace", log, "--cell", cell, "--program", program, "--quiet", "--json"]
+
+    def written(folder, *more):
+        assert app.run([*call, *more, "-o", str(folder)]) == 0
+        assert {cause, "corner_rounding"} <= set(json.loads(capsys.readouterr().out)["adopted"])
+        return tomllib.loads((folder / "model.toml").read_text())["effects"]
+
+    whole = written(tmp_path / "whole")
+    part = {name: dict(content) for name, content in whole.items()}
+    for name, key in ((cause, key) for key in keys):
+        part[name][key] = (0.6 * np.array(whole[name][key])).tolist()
+    part["corner_rounding"]["cdis_mm"] *= 0.6
+    (tmp_path / "part.toml").write_bytes(save_model(ModelFile(part)))
+    again = written(tmp_path / "again", "--model", str(tmp_path / "part.toml"))
+    assert again["corner_rounding"] == whole["corner_rounding"]
+    for key in keys:
+        np.testing.assert_allclose(again[cause][key], whole[cause][key], rtol=0.02, atol=1e-3)
+    promised = []
+    for name in ("whole", "again"):
+        model = str(tmp_path / name / "model.toml")
+        convert = [model if "both.toml" in word else word for word in told["both"][1]]
+        assert app.run([*convert[:-1], str(tmp_path / name)]) == 0
+        promised.append(json.loads(capsys.readouterr().out)["compensation"]["along_path"])
+    assert promised[1]["plain_rms_mm"] == pytest.approx(promised[0]["plain_rms_mm"], rel=0.02)
 
 
 HOSTILE = {

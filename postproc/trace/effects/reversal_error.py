@@ -145,6 +145,13 @@ class ReversalError(PathEffect):
                 pieces += stage.lift(joint, index, some)
         return Part(stage.lifted(joints), pieces)
 
+    def joined(self, theta: FloatArray, more: FloatArray) -> FloatArray:
+        """Return summed heights, and the course of the larger spikes."""
+        both = max(theta, more, key=lambda part: float(np.abs(part[_SPIKE]).max())).copy()
+        both[:12] = theta[:12] + more[:12]
+        both[_USED] = np.maximum(theta[_USED], more[_USED])
+        return both
+
     def lasting(self, theta: FloatArray) -> FloatArray:
         """Return the half gaps without the spikes."""
         stays = theta.copy()
