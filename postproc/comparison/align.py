@@ -71,10 +71,7 @@ def _gaps(
     stops_old, stops_new = np.r_[i, n], np.r_[j, m]
     both = (stops_old > starts_old) & (stops_new > starts_new)
     for k in np.flatnonzero(both).tolist():
-        yield (
-            (int(starts_old[k]), int(stops_old[k])),
-            (int(starts_new[k]), int(stops_new[k])),
-        )
+        yield ((int(starts_old[k]), int(stops_old[k])), (int(starts_new[k]), int(stops_new[k])))
 
 
 def _anchors(old: IndexArray, new: IndexArray) -> tuple[IndexArray, IndexArray]:

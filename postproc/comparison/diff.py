@@ -17,13 +17,7 @@ from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
 
-from postproc.comparison.difference import (
-    SHOWN,
-    Difference,
-    DiffTolerance,
-    Group,
-    group_lines,
-)
+from postproc.comparison.difference import SHOWN, Difference, DiffTolerance, Group, group_lines
 from postproc.comparison.groups import groups_of
 from postproc.comparison.lines import Compared, Program, differences, program_of
 from postproc.controller import called_names, load_program

@@ -22,13 +22,7 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.comparison.texts import (
-    bas_command,
-    is_vague,
-    seen_by_others,
-    spaced,
-    value_text,
-)
+from postproc.comparison.texts import bas_command, is_vague, seen_by_others, spaced, value_text
 from postproc.controller import (
     UNKNOWN,
     Activation,

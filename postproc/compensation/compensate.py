@@ -223,12 +223,7 @@ def _followed(
 
 
 def _crossing(
-    commanded: Plan,
-    plan: Plan,
-    cell: Cell,
-    arm: RealArm,
-    rows: _Rows,
-    sides: Sides,
+    commanded: Plan, plan: Plan, cell: Cell, arm: RealArm, rows: _Rows, sides: Sides
 ) -> Plan:
     """Return the plan with a point more, to stand at, where a cut starts on other gear sides."""
     turned = np.any(sides.leaving != sides.arriving, axis=1)[: len(plan)]

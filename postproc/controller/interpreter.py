@@ -217,11 +217,7 @@ class Interpreter:
         return self._stack[-1].file, self._line
 
     def finding(
-        self,
-        kind: RunKind,
-        message: str,
-        severity: Severity = Severity.ERROR,
-        hint: str = "",
+        self, kind: RunKind, message: str, severity: Severity = Severity.ERROR, hint: str = ""
     ) -> None:
         """Report something at the present line."""
         self.recorder.finding(kind, message, self.place(), severity, hint)

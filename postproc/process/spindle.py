@@ -123,11 +123,7 @@ def driven(toolpath: ToolPath, cell: Cell) -> ToolPath:
     first = np.flatnonzero(np.diff(tool, prepend=-2))
     starts = [
         Event(
-            tag,
-            EventKind.SPINDLE_ON,
-            speed * _way(cell, index),
-            _DEFAULT,
-            int(toolpath.line[tag]),
+            tag, EventKind.SPINDLE_ON, speed * _way(cell, index), _DEFAULT, int(toolpath.line[tag])
         )
         for tag, index in zip(tags[first].tolist(), tool[first].tolist(), strict=True)
     ]

@@ -28,11 +28,7 @@ class Instrument(Options):
         le=100.0,
     )
     range_sigma: float | None = key(
-        None,
-        "of a tracker: standard deviation along the beam [mm]",
-        "mm",
-        gt=0.0,
-        le=100.0,
+        None, "of a tracker: standard deviation along the beam [mm]", "mm", gt=0.0, le=100.0
     )
     range_rate: float = key(
         0.0,

@@ -18,8 +18,7 @@ from postproc.cli import common as cli
 @cli.TOOL
 @cli.option("--model MODEL.toml", "What is known of the robot; else nominal.")
 @cli.option(
-    "--register",
-    "Fit the measured frame and the reflector anew on these rows; keep the effects.",
+    "--register", "Fit the measured frame and the reflector anew on these rows; keep the effects."
 )
 @cli.option("-o, --output OUT.csv", "id,x_mm,y_mm,z_mm; with --model u95_mm,inside.", required=True)
 def command(session: cli.Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names

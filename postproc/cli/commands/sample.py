@@ -46,8 +46,7 @@ def _angles(context: click.Context, parameter: click.Parameter, text: str) -> li
 )
 @cli.option("--count", "Postures.", click.IntRange(3, 5000), default=64)
 @cli.option(
-    "--for-diagnosis",
-    "Plan --count postures for diagnose instead, and say what they can show.",
+    "--for-diagnosis", "Plan --count postures for diagnose instead, and say what they can show."
 )
 @cli.option(
     "--for INPUT",

@@ -96,10 +96,7 @@ def _violations(report: VerifyReport, displacement: Displacement | None) -> Iter
 
 
 def _blamed(
-    findings: Iterable[Finding],
-    program: Program,
-    templates: TemplateSet,
-    hooks: Mapping[str, str],
+    findings: Iterable[Finding], program: Program, templates: TemplateSet, hooks: Mapping[str, str]
 ) -> Iterator[Finding]:
     """Yield findings; those on lines of the cell's own templates as faults of these."""
     if templates.own is None:

@@ -66,13 +66,7 @@ class Subject:
     # ----------------------------------------------------------------------------------- findings
 
     def add(
-        self,
-        row: int,
-        severity: Severity,
-        path: str,
-        line: int,
-        message: str,
-        hint: str = "",
+        self, row: int, severity: Severity, path: str, line: int, message: str, hint: str = ""
     ) -> None:
         """Add a finding of a row of the table."""
         if severity is ERROR and self.options.is_project and row in HOUSE_ROWS:

@@ -32,10 +32,7 @@ def system_variables(subject: Subject) -> None:
 
 
 def _variables(
-    part: Part,
-    known: Collection[str],
-    told: set[tuple[str, str]],
-    statement: Statement,
+    part: Part, known: Collection[str], told: set[tuple[str, str]], statement: Statement
 ) -> None:
     for item in settings_of(statement):
         _set(part, statement.line, item)
@@ -45,11 +42,7 @@ def _variables(
 
 
 def _exists(
-    part: Part,
-    line: int,
-    node: Reference,
-    known: Collection[str],
-    told: set[tuple[str, str]],
+    part: Part, line: int, node: Reference, known: Collection[str], told: set[tuple[str, str]]
 ) -> None:
     name = node.name
     if name not in known:

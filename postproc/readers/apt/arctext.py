@@ -144,10 +144,7 @@ def _bad_movarc(at: AtLine) -> Exception:
 
 
 def tool_on(
-    at: AtLine,
-    statement: Statement,
-    tangent: list[float] | None,
-    towards: list[float] | None,
+    at: AtLine, statement: Statement, tangent: list[float] | None, towards: list[float] | None
 ) -> WrittenArc:
     """Return the arc of TLON,GOFWD/: on a circle or cylinder up to a line, a point or a plane.
 

@@ -216,11 +216,7 @@ def _refuse_undone(state: AptState, first: str, kind: CycleKind, found: Found) -
 
 
 def _begin(
-    state: AptState,
-    kind: CycleKind,
-    found: Found,
-    statement: Statement,
-    signed: bool = True,
+    state: AptState, kind: CycleKind, found: Found, statement: Statement, signed: bool = True
 ) -> None:
     """Let a cycle hold from the next point on; equal cycles share one entry of the table."""
     state.drill.words = found

@@ -77,12 +77,7 @@ def mcs_statement(state: AptState, statement: Statement) -> None:
 
 
 def _name_setup(
-    state: AptState,
-    word: str,
-    name: str,
-    x: FloatArray,
-    y: FloatArray,
-    origin: list[float],
+    state: AptState, word: str, name: str, x: FloatArray, y: FloatArray, origin: list[float]
 ) -> None:
     """Keep a setup that the file places; all but the identity is refused, no point is moved."""
     R = rotation(np.column_stack([x, y, np.cross(x, y)]), state.faults, state.line)

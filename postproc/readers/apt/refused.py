@@ -114,11 +114,7 @@ def unhandled(state: AptState, statement: Statement) -> None:
 
 
 def refuse(
-    state: AptState,
-    statement: Statement,
-    word_class: WordClass,
-    reason: str,
-    minor: str = "",
+    state: AptState, statement: Statement, word_class: WordClass, reason: str, minor: str = ""
 ) -> None:
     """Refuse a word, or the form of it that a minor word makes, and keep its text."""
     word = shortened(f"{statement.word}/{minor}" if minor else statement.word)

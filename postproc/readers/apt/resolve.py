@@ -15,11 +15,7 @@ _TOUCHES = 1e-4
 
 
 def resolve_points(
-    motions: Motions,
-    axes: FloatArray,
-    last: FloatArray | None,
-    lines: IntArray,
-    faults: Faults,
+    motions: Motions, axes: FloatArray, last: FloatArray | None, lines: IntArray, faults: Faults
 ) -> None:
     """Fill in increments, lifts to a plane and ends of arcs in planes, in the order of the file.
 

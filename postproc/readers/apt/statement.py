@@ -178,11 +178,7 @@ def _codes(buffer: ByteArray, starts: IndexArray, ends: IndexArray) -> NDArray[n
 
 
 def _join_dollar_lines(
-    block: TextBlock,
-    faults: Faults,
-    starts: IndexArray,
-    ends: IndexArray,
-    code: NDArray[np.int8],
+    block: TextBlock, faults: Faults, starts: IndexArray, ends: IndexArray, code: NDArray[np.int8]
 ) -> dict[int, str]:
     """Return the joined text of continued statements by their first line, in place in ``code``."""
     dollars = np.flatnonzero(np.frombuffer(block.data, dtype=np.uint8) == ord("$"))
@@ -222,11 +218,7 @@ def _before_dollar(raw: bytes) -> str:
 
 
 def _bulk_numbers(
-    buffer: ByteArray,
-    starts: IndexArray,
-    ends: IndexArray,
-    code: NDArray[np.int8],
-    kind: int,
+    buffer: ByteArray, starts: IndexArray, ends: IndexArray, code: NDArray[np.int8], kind: int
 ) -> FloatArray:
     """Return the numbers of all lines of one kind; lines that are unusual become OTHER."""
     width, counts = (6, _GOTO_COUNTS) if kind == GOTO else (CIRCLE_FIELDS, _CIRCLE_COUNTS)

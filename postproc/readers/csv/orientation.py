@@ -51,10 +51,7 @@ def rotation_from_wxyz(q_wxyz: FloatArray) -> FloatArray:
 
 
 def rotations_from(
-    roles: tuple[str, ...],
-    values: FloatArray,
-    line: IntArray,
-    faults: Faults,
+    roles: tuple[str, ...], values: FloatArray, line: IntArray, faults: Faults
 ) -> FloatArray:
     """Return R_part_tcp (n, 3, 3) from A,B,C or roll,pitch,yaw [rad], or a quaternion."""
     if roles[0] == "qw":
