@@ -102,7 +102,7 @@ def test_joint_targets_have_no_place_in_the_box(fixtures):
 
 def test_help_has_an_example(capsys):
     assert run(["inspect", "--help"]) == 0
-    assert "Example: postproc inspect" in capsys.readouterr().out
+    assert "postproc inspect part.cls" in capsys.readouterr().out
 
 
 READS = [
