@@ -79,11 +79,8 @@ def run_dask(
     try:
         from distributed import Client
     except ImportError:
-        raise PluginError(
-            "PLG008",
-            '--dask needs an extra: pip install "postproc[cluster]"',
-            SourceRef("postproc"),
-        ) from None
+        text = '--dask needs an extra: pip install "postproc[cluster]"'
+        raise PluginError("PLG008", text, SourceRef("postproc")) from None
 
     def connected() -> Any:  # noqa: ANN401 - distributed has no types
         limit = f"{_NO_ANSWER:g}s"

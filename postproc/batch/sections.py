@@ -119,11 +119,8 @@ def _regions(path: ToolPath, size: float) -> IndexArray:
     inner = [event for event in path.events if 0 < event.index < len(path)]
     if inner or not bool((path.kind == MotionKind.HOLE).all()):
         what = "has events between its holes" if inner else "is more than a list of holes"
-        raise DataError(
-            "BAT041",
-            f"{what}, expected holes only for a split by region; use operation or count",
-            SourceRef(path.path, inner[0].line if inner else 1),
-        )
+        text = f"{what}, expected holes only for a split by region; use operation or count"
+        raise DataError("BAT041", text, SourceRef(path.path, inner[0].line if inner else 1))
     # 300 mm is not exactly 3 times 100 mm in metres
     return np.floor(np.round(path.points / (size * MM), 9)).astype(np.int64)
 

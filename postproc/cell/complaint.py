@@ -61,12 +61,9 @@ def _shown(value: object) -> str:
 def _unknown_key(toml: TomlText, location: Location) -> CellError:
     key, names = str(location[-1]), sorted(_known_keys(location[:-1]))
     nearest = difflib.get_close_matches(key.lower(), names, n=1, cutoff=0.0)[0]
-    return CellError(
-        "CEL002",
-        f"unknown key {dotted(location)!r}, the nearest known one is {nearest!r}",
-        toml.source(location),
-        hint=f"keys known here: {', '.join(names)}",
-    )
+    text = f"unknown key {dotted(location)!r}, the nearest known one is {nearest!r}"
+    hint = f"keys known here: {', '.join(names)}"
+    return CellError("CEL002", text, toml.source(location), hint=hint)
 
 
 def _known_keys(location: Location) -> set[str]:

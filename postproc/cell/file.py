@@ -130,12 +130,9 @@ class _Builder:
             )
         changes = _robot_changes(table, robot)
         if "torque_max" in changes and not robot.has_inertia:
-            raise CellError(
-                "CEL033",
-                f"robot.torque_nm: {table.urdf} does not give mass and inertia of every link",
-                self.toml.source(("robot", "torque_nm")),
-                "complete the <inertial> of the links, or leave torque_nm out",
-            )
+            text = f"robot.torque_nm: {table.urdf} does not give mass and inertia of every link"
+            hint = "complete the <inertial> of the links, or leave torque_nm out"
+            raise CellError("CEL033", text, self.toml.source(("robot", "torque_nm")), hint)
         if self.file.stiffness is not None:
             stiffness = np.array(self.file.stiffness.joint_Nmm_per_rad) * NMM_PER_RAD
             changes["joint_stiffness"] = stiffness

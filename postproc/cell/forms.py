@@ -61,12 +61,9 @@ def _check_hooks(toml: TomlText, file: CellFile) -> None:
         if name not in own and name not in steps:
             known = sorted([*own, *steps])
             nearest = difflib.get_close_matches(name.lower(), known, n=1, cutoff=0.0)[0]
-            raise CellError(
-                "CEL002",
-                f"unknown key 'krl.hooks.{name}', the nearest known one is {nearest!r}",
-                toml.source(("krl", "hooks", name)),
-                hint=f"keys known here: {', '.join(known)}",
-            )
+            text = f"unknown key 'krl.hooks.{name}', the nearest known one is {nearest!r}"
+            hint = f"keys known here: {', '.join(known)}"
+            raise CellError("CEL002", text, toml.source(("krl", "hooks", name)), hint=hint)
     every = routines(file.krl.hooks, steps)
     for name in file.krl.stops_advance or ():
         if name not in every:

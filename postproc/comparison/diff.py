@@ -132,11 +132,8 @@ def diff(old: str | Path, new: str | Path, tolerance: DiffTolerance | None = Non
     """
     is_folder = Path(old).is_dir(), Path(new).is_dir()
     if is_folder[0] != is_folder[1]:
-        raise KrlError(
-            "DIF001",
-            "a folder and a file: expected two programs or two folders",
-            SourceRef(str(new)),
-        )
+        text = "a folder and a file: expected two programs or two folders"
+        raise KrlError("DIF001", text, SourceRef(str(new)))
     limits = tolerance or DiffTolerance()
     if is_folder[0]:
         return _folders(str(old), str(new), limits)

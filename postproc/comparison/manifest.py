@@ -71,11 +71,8 @@ def accept(old: str | Path, new: str | Path) -> list[str]:
             after[MANIFEST] = right / MANIFEST
     else:
         if left.stem.upper() != right.stem.upper():
-            raise KrlError(
-                "DIF002",
-                f"{left.stem} cannot become {right.stem}: a module has the name of its file",
-                SourceRef(str(new)),
-            )
+            text = f"{left.stem} cannot become {right.stem}: a module has the name of its file"
+            raise KrlError("DIF002", text, SourceRef(str(new)))
         before, after = {}, _files(right.parent, load_program(right))
         gone, left = [], left.parent
     contents = {}

@@ -84,11 +84,8 @@ def check_size(
     if not largest <= LARGEST:
         sizes = {name: _most(part) for name, part in parts().items()}
         name = max(sizes, key=lambda n: np.nan_to_num(sizes[n], nan=np.inf), default="")
-        raise DataError(
-            "CMP001",
-            f"the model asks for shifts of up to {largest / MM:.1f} mm, too large for a real arm",
-            file.source(name or next(iter(file.effects), "")),
-        )
+        text = f"the model asks for shifts of up to {largest / MM:.1f} mm, too large for a real arm"
+        raise DataError("CMP001", text, file.source(name or next(iter(file.effects), "")))
 
 
 def _most(shift: FloatArray) -> float:

@@ -180,20 +180,13 @@ def _place(read: ReadBack, motion: int) -> SourceRef | None:
 
 
 def _error(what: str, source: SourceRef | None = None) -> Finding:
-    return Finding(
-        Severity.ERROR,
-        "EMT342",
-        f"the program text is not the plan: {what}",
-        source=source,
-        hint="this is a fault of the emitter, not of the input; please report it",
-    )
+    text = f"the program text is not the plan: {what}"
+    hint = "this is a fault of the emitter, not of the input; please report it"
+    return Finding(Severity.ERROR, "EMT342", text, source=source, hint=hint)
 
 
 def _unchecked(cell: Cell) -> EmitError:
     name = cell.krl.emitter
-    return EmitError(
-        "EMT341",
-        f"the emitter {name!r} cannot read its programs back: no program is written unchecked",
-        SourceRef(cell.path),
-        "use another emitter, or a version of it that offers read_back",
-    )
+    text = f"the emitter {name!r} cannot read its programs back: no program is written unchecked"
+    hint = "use another emitter, or a version of it that offers read_back"
+    return EmitError("EMT341", text, SourceRef(cell.path), hint)

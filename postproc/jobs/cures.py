@@ -385,11 +385,8 @@ def units(cell: Cell, unit: str) -> Iterator[Cure]:
         size = max(float(np.abs(T[:3, 3]).max()) for T in frames)
         if 0.0 < size < _WRITTEN_SMALL:
             numbers = ", ".join(f"{v:g}" for v in frame_document(_larger(frames[0]))["xyz_mm"])
-            yield once(
-                f"the frame of the {what} is written in m, not mm",
-                there,
-                f"set its xyz_mm = [{numbers}]",
-            )
+            text = f"the frame of the {what} is written in m, not mm"
+            yield once(text, there, f"set its xyz_mm = [{numbers}]")
 
 
 def _larger(T: FloatArray) -> FloatArray:

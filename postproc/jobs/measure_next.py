@@ -169,12 +169,9 @@ def keep_readings(folder: Path) -> None:
     column = rows[0].index("x_mm")
     for (number, _), row in zip(table[1:], rows[1:], strict=True):
         if len(row) > column and row[column].strip():
-            raise DataError(
-                "GAP005",
-                "holds readings and would be overwritten by the next plan",
-                SourceRef(str(path), number),
-                hint="give another folder with -o, or move the file",
-            )
+            text = "holds readings and would be overwritten by the next plan"
+            hint = "give another folder with -o, or move the file"
+            raise DataError("GAP005", text, SourceRef(str(path), number), hint=hint)
 
 
 def drive_of(found: NextMeasurements, cell: Cell) -> drive.Drive:

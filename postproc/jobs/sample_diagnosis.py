@@ -204,11 +204,8 @@ def _postures(
     reach = Reach(limits.joint_margin, limits.singularity, checks.is_free, checks.are_free)
     good = np.flatnonzero(reach.allows(samples, q - APPROACH * side))
     if len(good) < 4 * REVISITED:
-        raise StiffnessError(
-            "STF022",
-            f"{len(good)} of {n} postures can be taken, too few for a diagnosis",
-            hint="move or widen the box",
-        )
+        text = f"{len(good)} of {n} postures can be taken, too few for a diagnosis"
+        raise StiffnessError("STF022", text, hint="move or widen the box")
     q, side = q[good], side[good]
     chosen = _far_apart(q, request.count)
     order = np.append(chosen, np.setdiff1d(np.arange(len(q)), chosen)[:_OTHERS])

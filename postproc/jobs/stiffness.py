@@ -150,10 +150,7 @@ def _tags(wanted: Sequence[str] | None, toolpath: ToolPath) -> IndexArray | None
     names = {toolpath.tag_name(i): i for i in range(len(toolpath))}
     unknown = [name for name in wanted if name not in names]
     if unknown or not wanted:
-        raise DataError(
-            "STF027",
-            f"no tag is named {unknown[0] if unknown else ''!r}",
-            SourceRef(toolpath.path),
-            hint=f"the first ones are {', '.join(list(names)[:5])}",
-        )
+        text = f"no tag is named {unknown[0] if unknown else ''!r}"
+        hint = f"the first ones are {', '.join(list(names)[:5])}"
+        raise DataError("STF027", text, SourceRef(toolpath.path), hint=hint)
     return np.array([names[name] for name in wanted])

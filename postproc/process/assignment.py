@@ -423,11 +423,6 @@ def _lost_arcs(toolpath: ToolPath, tool: IntArray, base: IntArray) -> Iterator[F
     changes = [low for low, _ in runs(np.stack([tool, base]))][1:]
     for tag in changes:
         if toolpath.kind[tag] == MotionKind.ARC:
-            yield Finding(
-                Severity.ERROR,
-                "WRD023",
-                "an arc begins where the tool or the base changes",
-                tag,
-                toolpath.source(tag),
-                hint="let the CAM system move to the start of the arc after the change",
-            )
+            text = "an arc begins where the tool or the base changes"
+            hint = "let the CAM system move to the start of the arc after the change"
+            yield Finding(Severity.ERROR, "WRD023", text, tag, toolpath.source(tag), hint=hint)

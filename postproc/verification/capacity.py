@@ -38,13 +38,11 @@ def check_capacity(run: Run) -> Iterator[Said]:
         if facts is not None
     )
     if size > cell.krl.memory:
-        yield Remark(
-            RunKind.MEMORY,
-            0,
+        text = (
             f"the files take {size / MEGABYTE:.1f} MB, memory for programs is about "
-            f"{cell.krl.memory / MEGABYTE:g} MB",
-            Severity.WARNING,
+            f"{cell.krl.memory / MEGABYTE:g} MB"
         )
+        yield Remark(RunKind.MEMORY, 0, text, Severity.WARNING)
     trace = run.paths.trace
     rows = np.flatnonzero(trace.is_cp & (trace.block < 0) & (trace.column("advance") > 0))
     if len(rows):
@@ -73,14 +71,12 @@ def _check_rate(run: Run, rows: AnyIntArray, ahead: int) -> Iterator[Said]:
     if not len(fast):
         return
     worst = int(fast[np.argmin(times[fast])])
-    yield Remark(
-        RunKind.BLOCK_RATE,
-        int(rows[worst]),
+    text = (
         f"{ahead / max(times[worst], 1e-9):.0f} points per second, the controller plans about "
         f"{1.0 / cell.krl.block:.0f} ({cell.krl.block / MS:g} ms each), at "
-        f"{len(fast)} points",
-        Severity.WARNING,
+        f"{len(fast)} points"
     )
+    yield Remark(RunKind.BLOCK_RATE, int(rows[worst]), text, Severity.WARNING)
 
 
 def _check_look_ahead(run: Run, rows: AnyIntArray, ahead: int) -> Iterator[Said]:
@@ -93,14 +89,12 @@ def _check_look_ahead(run: Run, rows: AnyIntArray, ahead: int) -> Iterator[Said]
     if not len(short):
         return
     worst = int(short[np.argmin((most / speed)[short])])
-    yield Remark(
-        RunKind.LOOK_AHEAD,
-        int(rows[worst]),
+    text = (
         f"{ahead} motions planned ahead are {planned[worst] / MM:.2f} mm: {most[worst]:.3f} m/s "
         f"({most[worst] / MM_PER_MIN:.0f} mm/min) can be held, {speed[worst]:g} m/s is programmed, "
-        f"at {len(short)} points",
-        Severity.WARNING,
+        f"at {len(short)} points"
     )
+    yield Remark(RunKind.LOOK_AHEAD, int(rows[worst]), text, Severity.WARNING)
 
 
 def _summed(values: FloatArray) -> FloatArray:

@@ -197,13 +197,11 @@ def _too_fast(
     axis = int(ratio[row].argmax())
     motions = len(np.unique(run.paths.row[bad]))
     speed = run.paths.trace.column("speed")[run.paths.row[row]]
-    yield Remark(
-        RunKind.AXIS_SPEED,
-        int(run.paths.row[row]),
+    text = (
         f"{names[axis]} would need {worst[row] / PERCENT:.0f} % of its speed for {speed:g} m/s, "
-        f"{motions} motions",
-        severity,
+        f"{motions} motions"
     )
+    yield Remark(RunKind.AXIS_SPEED, int(run.paths.row[row]), text, severity)
 
 
 # ------------------------------------------------------------------------------------- blending
@@ -237,9 +235,7 @@ def _cut_short(run: Run, rows: AnyIntArray) -> Iterator[Said]:
     short = 0.5 * np.minimum(length[rows], length[rows + 1])
     cut = trace.column("cdis")[rows] > short * (1.0 + 1e-6) + 1e-9
     if cut.any():
+        text = f"$APO.CDIS is longer than half of a neighbouring segment at {int(cut.sum())} points"
         yield Remark(
-            RunKind.BLEND_CUT,
-            int(rows[int(np.flatnonzero(cut)[0])]),
-            f"$APO.CDIS is longer than half of a neighbouring segment at {int(cut.sum())} points",
-            Severity.WARNING,
+            RunKind.BLEND_CUT, int(rows[int(np.flatnonzero(cut)[0])]), text, Severity.WARNING
         )

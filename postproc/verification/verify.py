@@ -282,11 +282,8 @@ def _check_circles(run: Run) -> Iterator[Said]:
     curves = run.paths.curves
     half = np.flatnonzero(run.paths.trace.is_cp & (curves.angle > HALF_TURN))
     for row in half[:20].tolist():
-        yield Remark(
-            RunKind.HALF_TURN,
-            row,
-            "the tool turns by 180 deg: the controller may turn it either way",
-        )
+        text = "the tool turns by 180 deg: the controller may turn it either way"
+        yield Remark(RunKind.HALF_TURN, row, text)
     for row in curves.bad_circles[:20].tolist():
         yield Remark(RunKind.CIRCLE, int(row), "start, auxiliary point and end are on no circle")
     missing = np.flatnonzero((run.paths.trace.motion_type == MotionType.CIRC) & (curves.circle < 0))

@@ -19,11 +19,8 @@ def _known_suffix(
 ) -> tuple[str, ...]:
     for name in files:
         if Path(name).suffix.lower() not in _SPIN_MAPS:
-            raise click.BadParameter(
-                f"{name!r}: expected a name that ends in {', '.join(_SPIN_MAPS)}",
-                context,
-                parameter,
-            )
+            text = f"{name!r}: expected a name that ends in {', '.join(_SPIN_MAPS)}"
+            raise click.BadParameter(text, context, parameter)
     return files
 
 

@@ -34,11 +34,8 @@ def command(
     machine. Ctrl-C ends it.
     """
     if any(importlib.util.find_spec(name) is None for name in _NEEDED):
-        raise UsageError(
-            "PLG008",
-            'the workbench needs an extra: pip install "postproc[ui]"',
-            SourceRef("postproc"),
-        )
+        text = 'the workbench needs an extra: pip install "postproc[ui]"'
+        raise UsageError("PLG008", text, SourceRef("postproc"))
     from postproc.workbench import open_workbench
 
     def tell(address: str) -> None:

@@ -214,12 +214,9 @@ def _speeds(plan: Plan, speed_max: float) -> list[float]:
     fast = np.flatnonzero(is_cp & _is_cut(plan.role) & (speed > speed_max * (1.0 + 1e-9)))
     if len(fast):
         index = int(fast[0])
-        raise EmitError(
-            "EMT312",
-            f"a feed of {speed[index]:g} m/s, expected at most {speed_max:g} m/s",
-            _source(plan, index),
-            "krl.path_speed_max_m_s sets this limit",
-        )
+        text = f"a feed of {speed[index]:g} m/s, expected at most {speed_max:g} m/s"
+        hint = "krl.path_speed_max_m_s sets this limit"
+        raise EmitError("EMT312", text, _source(plan, index), hint)
     different, place = np.unique(np.minimum(speed, speed_max), return_inverse=True)
     printed = np.array([float(numbers.speed(float(value))) for value in different])
     values: list[float] = np.where(is_cp, printed[place], 0.0).tolist()

@@ -86,13 +86,9 @@ def _violations(report: VerifyReport, displacement: Displacement | None) -> Iter
                 hint="this is a fault of postproc, not of the input; please report it",
             )
     if left:
-        yield Finding(
-            Severity.WARNING,
-            "CMP006",
-            f"at {len(left)} places effects that follow the motion remain: {left[0].message}",
-            source=left[0].source,
-            hint="lower the feed, or see verify --model for all of them",
-        )
+        text = f"at {len(left)} places effects that follow the motion remain: {left[0].message}"
+        hint = "lower the feed, or see verify --model for all of them"
+        yield Finding(Severity.WARNING, "CMP006", text, source=left[0].source, hint=hint)
 
 
 def _blamed(

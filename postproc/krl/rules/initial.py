@@ -185,14 +185,9 @@ def first_motions(subject: Subject) -> None:
 def _first(part: Part, move: krl.Move, why: str, is_called: bool) -> None:
     if not move.word.is_axis_motion:
         relative = move.word.is_relative and is_called
-        part.subject.add(
-            11,
-            WARNING if relative else ERROR,
-            part.path,
-            move.line,
-            f"{why} is a {move.word.value}: it goes on from wherever the robot stands",
-            hint="PTP with axis values first",
-        )
+        text = f"{why} is a {move.word.value}: it goes on from wherever the robot stands"
+        hint = "PTP with axis values first"
+        part.subject.add(11, WARNING if relative else ERROR, part.path, move.line, text, hint=hint)
         return
     target = _known_target(part.subject, part.module, move.target)
     if isinstance(target, krl.Axes) and not target.is_complete:

@@ -160,12 +160,9 @@ def columns_of(layout: Layout, options: ReadOptions, faults: Faults) -> list[Col
     missing = [role for role in POSITION if role not in {column.role for column in columns}]
     if missing:
         seen = ", ".join(column.name or "-" for column in columns)
-        raise faults.error(
-            "CSV010",
-            f"no column {', '.join(missing)} among {seen}",
-            layout.header_line or 1,
-            hint="name the columns in order with --columns, such as id,x,y,z,i,j,k",
-        )
+        text = f"no column {', '.join(missing)} among {seen}"
+        hint = "name the columns in order with --columns, such as id,x,y,z,i,j,k"
+        raise faults.error("CSV010", text, layout.header_line or 1, hint=hint)
     bare = _bare_beside_units(columns) if options.units is None else ""
     present = frozenset(column.role for column in columns)
     return [_in_company(column, columns, present, bare) for column in columns]
@@ -285,12 +282,9 @@ def _counted_columns(layout: Layout, faults: Faults) -> list[Column]:
     if roles is None and layout.has_gaps_at_end:
         roles = _WITH_SPEED.get(count)
     if roles is None:
-        raise faults.error(
-            "CSV013",
-            f"{layout.width} columns without a header, expected 3 (x,y,z) or 6 (x,y,z,i,j,k)",
-            layout.first_row_line,
-            hint="name the columns in order with --columns, such as x,y,z,w,p,r,id",
-        )
+        text = f"{layout.width} columns without a header, expected 3 (x,y,z) or 6 (x,y,z,i,j,k)"
+        hint = "name the columns in order with --columns, such as x,y,z,w,p,r,id"
+        raise faults.error("CSV013", text, layout.first_row_line, hint=hint)
     listed = (("id",) if named else ()) + tuple(roles)
     if "speed" in listed:
         text = "column speed: speeds without a unit, read as mm/s as RoboDK has them"
@@ -308,12 +302,9 @@ def _first_of_each(columns: list[Column], faults: Faults, layout: Layout) -> lis
         if column.question and column.role in clear:
             column = replace(column, role="")
         if column.role in seen and column.role != "id":
-            raise faults.error(
-                "CSV014",
-                f"two columns for {column.role}, the second is {column.name!r}",
-                layout.header_line or 1,
-                hint="choose with --columns, - leaves a column out",
-            )
+            text = f"two columns for {column.role}, the second is {column.name!r}"
+            hint = "choose with --columns, - leaves a column out"
+            raise faults.error("CSV014", text, layout.header_line or 1, hint=hint)
         result.append(Column("", column.name) if column.role in seen else column)
         seen.add(column.role)
         seen.discard("")

@@ -20,13 +20,11 @@ def unit_rows(vectors: FloatArray, what: str, line: IntArray, faults: Faults) ->
         raise faults.error("CSV021", f"the {what} is a zero vector", int(line[zero[0]]))
     wrong = np.flatnonzero(np.abs(length - 1.0) > NORM_GAP)
     if len(wrong) == len(length) or (length[wrong] > 2.0).any():
-        raise faults.error(
-            "CSV023",
-            f"the {what} has length {length[wrong[0]]:.4g}, expected 1",
-            int(line[wrong[0]]),
-            hint="name the columns with --columns: x,y,z,a,b,c for angles, x,y,z,-,-,- for "
-            "uncertainties",
+        text = f"the {what} has length {length[wrong[0]]:.4g}, expected 1"
+        hint = (
+            "name the columns with --columns: x,y,z,a,b,c for angles, x,y,z,-,-,- for uncertainties"
         )
+        raise faults.error("CSV023", text, int(line[wrong[0]]), hint=hint)
     for row in wrong[:20].tolist():
         text = f"the {what} has length {length[row]:.4f}, expected 1"
         faults.fix("CSV022", text, "its direction is taken", int(line[row]))

@@ -297,12 +297,9 @@ def _normals_of_surface(
         return np.full_like(points, np.nan)
     if options.surface_normals is None or partial:
         what = f"only {','.join(partial)} of an orientation" if partial else "no orientation"
-        raise faults.error(
-            "CSV020",
-            f"{what} in this file, expected columns i,j,k (from the tip to the holder) or a,b,c",
-            1,
-            hint="add the columns, or give the cell a workpiece mesh to take the normals from",
-        )
+        text = f"{what} in this file, expected columns i,j,k (from the tip to the holder) or a,b,c"
+        hint = "add the columns, or give the cell a workpiece mesh to take the normals from"
+        raise faults.error("CSV020", text, 1, hint=hint)
     bases = data.texts.get("base")
     found = options.surface_normals(points, bases) if bases else options.surface_normals(points)
     normals = np.asarray(found, dtype=np.float64)

@@ -187,11 +187,8 @@ def _require_points(toolpath: ToolPath) -> None:
     missing = np.flatnonzero(~np.isfinite(toolpath.points).all(axis=1))
     if len(missing):
         row = int(missing[0])
-        raise DataError(
-            "VER001",
-            f"tag {toolpath.tag_name(row)} gives joint angles only, no point to compare with",
-            toolpath.source(row),
-        )
+        text = f"tag {toolpath.tag_name(row)} gives joint angles only, no point to compare with"
+        raise DataError("VER001", text, toolpath.source(row))
 
 
 def _off(real: RealPaths, tags: Served, tilts: Tilts) -> Off:
