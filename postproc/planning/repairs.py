@@ -46,13 +46,6 @@ class State(Protocol[M_co]):
         """Return what comes of it as it is, and how good that is."""
 
 
-class Changing(Protocol):
-    """What has one repair, which it knows by itself."""
-
-    def change(self) -> bool:
-        """Change what failed; return whether there is anything left to try."""
-
-
 class Level(Enum):
     """What a repair changes."""
 
@@ -164,10 +157,6 @@ def _is_out_of_reach(attempt: Attempt, problem: Problem) -> bool:
     return any(not len(sample(problem, lost[[k]], spins, tilts=tilts).q) for k in range(len(lost)))
 
 
-def _change(state: Changing) -> bool:
-    return state.change()
-
-
 REPAIRS = (
     Repair(Level.SEARCH, "faster turns", "a cut has no path at steady turns", _turn_faster),
     Repair(
@@ -186,9 +175,26 @@ REPAIRS = (
         3,
     ),
     Repair(Level.SEARCH, "more tilts", "tags fail that are in reach", _tilt_more, 1),
-    Repair(Level.PLACES, "another place", "a cut is refused where they stand", _change, 11),
     Repair(
-        Level.CUTS, "a cut left and entered again", "no arm configuration serves a cut", _change, 11
+        Level.PLACES,
+        "another place",
+        "a cut is refused where they stand",
+        lambda axes: axes.change(),
+        11,
+    ),
+    Repair(
+        Level.PLACES,
+        "work carried past the arm",
+        "a cut may gain by it",
+        lambda axes: axes.carry(),
+        2,
+    ),
+    Repair(
+        Level.CUTS,
+        "a cut left and entered again",
+        "no arm configuration serves a cut",
+        lambda cuts: cuts.change(),
+        11,
     ),
 )
 

@@ -16,7 +16,6 @@ from postproc.model.toolpath import Cycle, Event, EventKind, MotionKind
 from postproc.planning import job, repairs
 from postproc.planning.external import planner as axes
 from postproc.planning.external import rating
-from postproc.planning.external.carried import Outcome
 from postproc.planning.external.rating import position_grid
 from postproc.planning.planner import plan
 from postproc.planning.route.travel import cell_at
@@ -530,16 +529,6 @@ def test_the_way_back_of_the_table_counts_against_a_carried_cut(make_cell, make_
     result = plan(toolpath, make_cell(external_axes=(slow,)))
     assert not result.errors
     assert result.cycle_time < 1.05 * held.cycle_time
-
-
-def test_held_and_carried_are_measured_by_one_best(make_cell):
-    """Where the table stands even the best posture gives way: little is lost of it."""
-    _, settings = settle(make_cell())
-    share = np.full(4, 0.25)
-    held = Outcome(0, False, 1.0, share, np.full(4, 959.0), np.full(4, 1000.0))
-    carried = Outcome(0, False, 0.99, share, np.full(4, 1273.0), np.full(4, 1600.0))
-    assert carried.is_better(held, settings.weights)
-    assert not held.is_better(carried, settings.weights)
 
 
 def test_an_axis_that_may_not_move_in_cuts_stands_to_the_last_digit(make_cell, make_path):

@@ -80,9 +80,6 @@ def _second(_: object, value: T, *__: object, **___: object) -> T:
 
 OFF: dict[str, tuple[Switch, ...]] = {
     "out of reach": (("postproc.planning.repairs", "_is_out_of_reach", _no),),
-    "carried": (
-        ("postproc.planning.external.planner", "carried_where_better", lambda p, runs, m: runs),
-    ),
     "without roll": (("postproc.planning.attempt", "without_roll", _nothing),),
     "spins of strokes": ((SEARCH + "roll", "_price", lambda *a: np.zeros(len(a[4]))),),
     "also failing": ((SEARCH + "pose_search", "also_failing", _nothing),),

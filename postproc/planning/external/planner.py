@@ -11,6 +11,7 @@ Their plans are joined as one, with the moves of the external axes between them.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -26,7 +27,7 @@ from postproc.model import MoveKind, MoveRole, Plan, ToolPath
 from postproc.paths import joint_times
 from postproc.planning.attempt import Rank, rank
 from postproc.planning.checks import Reason, given_up
-from postproc.planning.external.carried import carried_where_better
+from postproc.planning.external.carried import WORTH, cut_costs
 from postproc.planning.external.positions import Positions, Run, run_of
 from postproc.planning.external.rating import UNREACHED, Rating, rated
 from postproc.planning.job import Job, checker_of, planned
@@ -47,9 +48,8 @@ def plan_with_external_axes(job: Job, toolpath: ToolPath, cell: Cell) -> Plan:
     stands = _Stands(job, toolpath, cell)
     reach = stands.places.rating.loss < UNREACHED
     made, tried = repaired(stands, Level.PLACES)
-    places = stands.places
+    places, runs = stands.places, made.runs
     places.calm, places.carried = made.calm, made.carried
-    runs = carried_where_better(places, made.runs, stands.planned)
     plans = [stands.planned(run) for run in runs]
     result = _joined(job, toolpath, cell, runs, plans)
     result = with_tried(result, sum(map(tried_for, plans[1:]), tried))
@@ -72,6 +72,8 @@ class _Stands:
         self.places = Positions(rated(job, toolpath, cell))
         self._done: dict[tuple[int, int, bytes], Plan] = {}
         self._runs: list[Run] = []
+        self._costs: dict[int, float] = {}
+        self._held: dict[int, float] | None = None
 
     def planned(self, run: Run) -> Plan:
         """Return the plan of a run, a job of its own."""
@@ -85,18 +87,31 @@ class _Stands:
 
     def make(self) -> tuple[Rank, _Made]:
         """Return the runs at least total cost, and how good their plans are together."""
-        runs = self._runs = self.places.runs()
-        findings, seconds = list[Finding](), 0.0
-        for run in runs:
-            plan = self.planned(run)
-            findings += plan.findings
-            seconds += plan.cycle_time
-        made = _Made(runs, dict(self.places.calm), dict(self.places.carried))
-        return rank(findings, seconds), made
+        places = self.places
+        runs = self._runs = places.runs()
+        plans = [self.planned(run) for run in runs]
+        self._costs = cut_costs(places, runs, plans)
+        made = _Made(runs, dict(places.calm), dict(places.carried))
+        findings = itertools.chain.from_iterable(plan.findings for plan in plans)
+        return rank(findings, sum(self._costs.values())), made
 
     def change(self) -> bool:
         """Close places to what failed there; return whether there is another way."""
+        if self._held:
+            return False
         return any([self.places.blame(run, self.planned(run)) for run in self._runs])
+
+    def carry(self) -> bool:
+        """Carry cuts that may gain by it, once; then hold those again that did not."""
+        places, costs, held = self.places, self._costs, self._held
+        if held is None:
+            stand = [unit for unit in costs if not (unit in places.calm or places.refused[unit])]
+            self._held = {unit: costs[unit] for unit in stand if costs[unit] > WORTH}
+            return any([places.carry(unit) for unit in self._held])
+        self._held, worse = {}, [unit for unit, cost in held.items() if costs[unit] >= cost]
+        for unit in worse:
+            del places.calm[unit], places.carried[unit]
+        return 0 < len(worse) < len(held)
 
 
 def _findings_of(

@@ -14,7 +14,6 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.model import Plan
 from postproc.planning.external.rating import (
-    AWAY,
     BLOCKED,
     KNOT,
     UNREACHED,
@@ -36,18 +35,6 @@ CALM = 0.5
 _LEAST_CALM, _MOST_CALM = 0.02, 16.0
 _MICRON = 6
 """Positions are rounded to so many digits [m or rad], as program text can hold them."""
-
-
-@dataclass(frozen=True, slots=True)
-class _State:
-    """What is known and chosen for one unit, as columns of ``Positions`` and its rating."""
-
-    calm: float | None
-    carried: FloatArray | None
-    is_looked_at: bool
-    loss: FloatArray
-    shut: BoolArray
-    closed: BoolArray
 
 
 @dataclass(slots=True)
@@ -113,47 +100,14 @@ class Positions:
         self.rating.avoid_collisions(unit)
         return True
 
-    def carry(self, unit: int, price: float) -> bool:
-        """Let the axes carry the work of a unit past an arm that keeps about its pose.
-
-        Args:
-            unit: that may be cut moving.
-            price: of a metre or a radian by which the tool stands away, as for ``carrying``.
-        """
+    def carry(self, unit: int) -> bool:
+        """Let the axes carry the work of a unit past an arm that keeps about its pose."""
         if not self.may_be_cut_moving(unit):
             return False
         self.calm[unit] = CALM
         self.rating.avoid_collisions(unit)
-        self.carried[unit], _ = carrying(self.rating, unit, price)
+        self.carried[unit], _ = carrying(self.rating, unit)
         return True
-
-    def state(self, unit: int) -> _State:
-        """Return what is known and chosen for a unit."""
-        return _State(
-            self.calm.get(unit),
-            self.carried.get(unit),
-            unit in self.rating.looked_at,
-            self.rating.loss_of(unit).copy(),
-            self.shut[self.rating.knots_of(unit)].copy(),
-            self.closed[unit].copy(),
-        )
-
-    def restore(self, unit: int, state: _State) -> None:
-        """Take back what was known and chosen for a unit."""
-        self._stand(unit)
-        if state.calm is not None:
-            self.calm[unit] = state.calm
-        if state.carried is not None:
-            self.carried[unit] = state.carried
-        if not state.is_looked_at:
-            self.rating.looked_at.discard(unit)
-        self.rating.loss_of(unit)[:] = state.loss
-        self.shut[self.rating.knots_of(unit)], self.closed[unit] = state.shut, state.closed
-
-    def _stand(self, unit: int) -> None:
-        """Let the axes stand along a unit."""
-        self.calm.pop(unit, None)
-        self.carried.pop(unit, None)
 
     def _open_loss(self, unit: int) -> FloatArray:
         """Return what the knots of a unit lose (m, g), ``UNREACHED`` where they are shut."""
@@ -214,7 +168,8 @@ class Positions:
             ways[unit] = again
         for unit in moving & self.carried.keys():
             if self.refused[unit] >= _PATIENCE and self._left(unit).any():
-                self._stand(unit)
+                self.calm.pop(unit, None)
+                self.carried.pop(unit, None)
                 ways[unit] = True
         return any(way for unit, way in ways.items() if unit not in self.rating.walled)
 
@@ -243,7 +198,7 @@ class Positions:
         may_serve = is_blocked[position] or (is_at_end and self.closed[unit].sum() <= _PATIENCE)
         if may_serve and (left & ~is_blocked).any():
             return True
-        if not self.refused[unit] and self.carry(unit, AWAY[0]):
+        if not self.refused[unit] and self.carry(unit):
             return True
         return bool(left.any()) or self._set_moving(unit)
 

@@ -52,9 +52,9 @@ SLIDE = 0.05
 """Price of a step on the grid from knot to knot of a moving cut, likewise; it is the longest."""
 STEEP = 1.0
 """What each step more costs that an axis cannot make at the feed, likewise."""
-AWAY = (1.0, 4.0)
+AWAY = 1.0
 """What a metre or a radian costs, likewise, by which the tool stands away from where the axes carry
-the work to, at a knot of a carried cut; more where the feed is slowed with less."""
+the work to, at a knot of a carried cut."""
 _MOST_STARTS = 24
 """So many places to carry the work to are tried."""
 
@@ -69,6 +69,7 @@ class Rating:
         units: [low, high) of tags that are one cut, or one tag.
         knots: (m,) rising, tags at which positions are rated, ends of units among them.
         loss: (m, g) of each knot at each position, ``UNREACHED`` where it has no pose.
+        best: (m,) [N/m] stiffness of the best pose of each knot at any position, NaN without.
         way: (n,) [m] along the path, turns of the tool axis counted, rising.
 
     Attributes:
@@ -81,6 +82,7 @@ class Rating:
     units: list[tuple[int, int]]
     knots: IndexArray
     loss: FloatArray
+    best: FloatArray
     way: FloatArray
     looked_at: set[int] = field(init=False, default_factory=set)
     walled: dict[int, int] = field(init=False, default_factory=dict)
@@ -179,14 +181,15 @@ def rated(job: Job, toolpath: ToolPath, cell: Cell) -> Rating:
     is_knot[1:] |= np.diff(np.floor(turned / KNOT_TURN)) != 0
     knots = np.flatnonzero(is_knot)
     first, of_first = distinct(problem, values)
-    cost = _least_costs(problem, values[first], knots, settings)[:, of_first]
+    cost, index = _least_costs(problem, values[first], knots, settings)[..., of_first]
     values, cost = _with_finer(problem, values, knots, cost, settings)
-    best = cost.min(axis=1, keepdims=True)
-    loss = np.where(np.isfinite(cost), cost - np.where(np.isfinite(best), best, 0.0), UNREACHED)
+    least = cost.min(axis=1, keepdims=True)
+    loss = np.where(np.isfinite(cost), cost - np.where(np.isfinite(least), least, 0.0), UNREACHED)
+    best = np.fmax.reduce(index, axis=1)
     starts = np.unique(np.append(0, np.flatnonzero(~chain))) if n else np.zeros(0, np.int64)
     units = list(zip(starts.tolist(), np.append(starts[1:], n).tolist(), strict=True))
     way = arc_length(toolpath) + _TURN_LENGTH * turned + TINY * np.arange(n)
-    return Rating(checker, values, units, knots, loss, way)
+    return Rating(checker, values, units, knots, loss, best, way)
 
 
 def _with_finer(
@@ -197,7 +200,7 @@ def _with_finer(
     if not len(left):
         return values, cost
     fine = position_grid(problem.cell, _FINER, _MOST_FINER)
-    there = _least_costs(problem, fine, knots[left], settings)
+    there = _least_costs(problem, fine, knots[left], settings)[0]
     reached = np.isfinite(there)
     added: list[int] = []
     while reached.any() and len(added) < _ADDED:
@@ -208,21 +211,24 @@ def _with_finer(
         reached[reached[:, best]] = False
     if not added:
         return values, cost
-    more = _least_costs(problem, fine[added], knots, settings)
+    more = _least_costs(problem, fine[added], knots, settings)[0]
     return np.concatenate([values, fine[added]]), np.column_stack([cost, more])
 
 
 def _least_costs(
     problem: Problem, values: FloatArray, tags: IndexArray, settings: Settings
 ) -> FloatArray:
-    """Return what the best pose of each tag costs at each position (n, g), as ``_least_cost``."""
-    return np.column_stack(
-        [_least_cost(problem.standing(value), tags, settings) for value in values]
+    """Return as ``_least_cost`` for each position (2, n, g)."""
+    return np.stack(
+        [_least_cost(problem.standing(value), tags, settings) for value in values], axis=-1
     )
 
 
 def _least_cost(problem: Problem, tags: IndexArray, settings: Settings) -> FloatArray:
-    """Return what the pose of each tag (n,) costs that a search prefers, infinite without any."""
+    """Return cost and index (2, n) of the pose of each tag (n,) that a search prefers.
+
+    Infinite and NaN without any.
+    """
     states = sample(problem, tags, settings.spins, tilts=problem.tilts)
     row = states.tag_of(np.arange(len(states.q)))
     wish = states.cost + settings.weights.price(1.0 - states.index / best_of(states)[row])
@@ -231,9 +237,9 @@ def _least_cost(problem: Problem, tags: IndexArray, settings: Settings) -> Float
     chosen = order[first]
     attitude, q = states.attitude_of(chosen), states.q[chosen].astype(np.float64)
     T = problem.placement.tcp(tags[row], attitude)
-    cost = np.full(len(tags), np.inf)
-    cost[row] = evaluate(problem, tags[row], attitude[:, 0], T, q)[0]
-    return cost
+    found = np.repeat([[np.inf], [np.nan]], len(tags), axis=1)
+    found[:, row] = evaluate(problem, tags[row], attitude[:, 0], T, q)
+    return found
 
 
 def position_grid(cell: Cell, finer: int = 1, most: int = MOST_POSITIONS) -> FloatArray:
@@ -324,16 +330,11 @@ def _changes(rating: Rating) -> FloatArray:
     return np.where(gap.max(axis=2) > 0.0, CHANGE + gap.sum(axis=2), 0.0)
 
 
-def carrying(rating: Rating, unit: int, price: float) -> tuple[FloatArray, IndexArray]:
+def carrying(rating: Rating, unit: int) -> tuple[FloatArray, IndexArray]:
     """Return what standing away costs a carried unit at its knots (m, g), and its positions (m,).
 
     Where the tool stands to the arm is held against each of the places at which the unit could
     begin, and the cheapest of these is taken.
-
-    Args:
-        rating: of the toolpath.
-        unit: that may be cut moving.
-        price: of a metre or a radian by which the tool stands away from there at a knot.
     """
     place, tags = rating.checker.problem.placement, rating.knots[rating.knots_of(unit)]
     T, loss = place.base(rating.values), rating.loss_of(unit)
@@ -343,7 +344,7 @@ def carrying(rating: Rating, unit: int, price: float) -> tuple[FloatArray, Index
     found = []
     for start in starts[:: max(1, -(-len(starts) // _MOST_STARTS))].tolist():
         away = np.linalg.norm(tips - tips[0, start], axis=2)
-        away = price * (away + angle_between(axes, axes[0, start]))
+        away = AWAY * (away + angle_between(axes, axes[0, start]))
         chosen, cost = cheapest(rating, moving_rows(rating, unit, loss + away))
         found.append((cost, away, chosen))
     return min(found, key=lambda way: way[0])[1:]
