@@ -1,8 +1,6 @@
-"""Sequencing against enumeration, and its effect on a plan."""
+"""The effect of a free order on a plan."""
 
 from __future__ import annotations
-
-import itertools
 
 import numpy as np
 import pytest
@@ -10,32 +8,6 @@ import pytest
 from postproc.model.plan import MoveKind, MoveRole
 from postproc.model.toolpath import Cycle, Event, EventKind, MotionKind
 from postproc.planning.planner import plan
-from postproc.planning.search.sequence import shortest
-
-
-def length(points, order):
-    return np.abs(np.diff(points[list(order)], axis=0)).max(axis=1).sum()
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_near_the_best_of_all_orders(seed):
-    rng = np.random.default_rng(seed)
-    points = rng.uniform(size=(8, 3))
-    order = shortest(points)
-    assert sorted(order.tolist()) == list(range(8))
-    assert order[0] == 0
-    best = min(length(points, (0, *rest)) for rest in itertools.permutations(range(1, 8)))
-    assert length(points, order) <= 1.15 * best
-
-
-def test_two_opt_never_makes_it_worse():
-    rng = np.random.default_rng(3)
-    points = rng.uniform(size=(300, 6))
-    left, order = set(range(1, 300)), [0]
-    while left:
-        order.append(min(left, key=lambda i: (np.abs(points[i] - points[order[-1]]).max(), i)))
-        left.remove(order[-1])
-    assert length(points, shortest(points)) < 0.98 * length(points, order)
 
 
 @pytest.mark.usefixtures("no_scene")
