@@ -43,8 +43,6 @@ CUT_TRAVEL = 3e-3
 joint step of 10 degrees. Without it neighbours stand at opposite spins and no line joins them."""
 HOME_SHARE = 0.05
 """Share of the price of travel that counts from home and back: one move, and a long one."""
-TIE_SPIN = 1e-5
-"""What the square of a spin costs, in units of ten degrees, where every tag takes its own best."""
 TIE_TRAVEL = 1e-7
 """Weight of travel that only breaks ties."""
 

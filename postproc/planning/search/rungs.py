@@ -35,7 +35,6 @@ from postproc.planning.search.constants import (
     STEADY_BAND,
     STEADY_TURN,
     STUCK,
-    TIE_SPIN,
     TIE_TRAVEL,
 )
 from postproc.planning.search.edges import Edges, best_of, edges_of
@@ -129,8 +128,8 @@ class Window:
 class SearchOptions:
     """What a search is for.
 
-    ``each``: every tag takes its own best state. Travel and spin only break ties, but inside a cut
-    travel counts ``cut_travel``: a cut must still be a cut. ``least`` (n,) [N/m]: states of less
+    ``each``: every tag takes its own best state. Travel only breaks ties, but inside a cut travel
+    counts ``cut_travel``: a cut must still be a cut. ``least`` (n,) [N/m]: states of less
     stiffness cost ``DEAR``; None: no such bound. ``stretch`` (n,): tags of one number keep one arm
     configuration, cuts or not; None: cuts do. ``main`` (n,) [rad]: spin of which tags stand
     off by more than ``STEADY_BAND`` only where that earns ``ROLL_PRICE``, NaN where any will do;
@@ -220,9 +219,6 @@ def states_on(
         owner = states.tag_of(np.arange(len(states.q)))
         column = states.column % spins.shape[-1]
         states.cost[pinned[owner] & (column != pin[owner])] = np.inf
-    if options.each:
-        spin = states.spin_of(np.arange(len(states.q)))
-        states.cost += TIE_SPIN * (spin / TRAVEL_UNIT) ** 2
     return states, edges
 
 
