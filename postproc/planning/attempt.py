@@ -28,7 +28,6 @@ from postproc.planning.search import (
     LOST,
     TIE_TRAVEL,
     Interpolation,
-    LossBound,
     PoseSearch,
     Refinement,
     SearchOptions,
@@ -37,6 +36,7 @@ from postproc.planning.search import (
     between_round,
     dense_key_tags,
     key_tags,
+    least_index,
     loss_of,
     loss_report,
     on_round_spins,
@@ -108,24 +108,23 @@ class Attempt:
             self._search_by(checker)
         self._forget()
         self.refinement = Refinement(self.between)
-        self.bound = None if self._best is None else LossBound(self._best, self._most)
 
     def _search_by(self, checker: Checker) -> None:
         self.checker = checker
         problem, wishes = checker.problem, checker.problem.cell.optimize
         self.is_smooth = wishes.strategy is Strategy.SMOOTH
         self.between = Interpolation.of(problem)
-        self._most = DEFAULT_BOUND if wishes.loss_bound is None else wishes.loss_bound
-        self._best = best_index(checker, self.between) if self.is_smooth else None
+        self.bound = DEFAULT_BOUND if wishes.loss_bound is None else wishes.loss_bound
+        self.best = best_index(checker, self.between) if self.is_smooth else None
         keys = key_tags(problem.toolpath, wishes) if self.is_smooth else dense_key_tags(problem)
         self._asked = int(keys.sum())
         self.search = searched(checker, np.flatnonzero(keys), self._search_options(), self.between)
 
     def _search_options(self) -> SearchOptions:
-        problem, best = self.checker.problem, self._best
+        problem, best = self.checker.problem, self.best
         if best is None:
             return SearchOptions(each=problem.cell.optimize.strategy is Strategy.EACH)
-        least = LossBound(best, self._most).least if np.isfinite(best).any() else None
+        least = least_index(best, self.bound) if np.isfinite(best).any() else None
         number = stretches(problem.toolpath)
         each = not problem.cell.optimize.refine
         return SearchOptions(each=each, cut_travel=TIE_TRAVEL, least=least, stretch=number)
@@ -160,16 +159,14 @@ class Attempt:
         findings = explained(self.checker, search.evidence(chosen))
         findings += between_round(problem, search.tags, chosen) if moved else []
         findings += gave_up(self.checker, chosen, findings, sorted(self.refinement.gave_up))
-        best = (
-            along(self.between, search.tags, search.edges.index)
-            if self._best is None
-            else self._best
-        )
+        best = self.best
+        if best is None:
+            best = along(self.between, search.tags, search.edges.index)
         take_joints(problem, chosen)
         findings += without_roll(search, chosen, best)
         if self.is_smooth or wishes.loss_bound is not None:
             loss = loss_of(problem, chosen, best)
-            told = loss_report(problem, loss, search.tags, self._most)
+            told = loss_report(problem, loss, search.tags, self.bound)
             if self.is_smooth or told.severity is Severity.WARNING:
                 findings.insert(0, told)
             if self.is_smooth:

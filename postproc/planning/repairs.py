@@ -28,6 +28,7 @@ from postproc.planning.search import (
     grown,
     loss_of,
     main_spins,
+    more_keys,
     with_gaps,
     with_options,
 )
@@ -96,11 +97,11 @@ def _roll_less(attempt: Attempt) -> bool:
 
 
 def _lose_less(attempt: Attempt) -> bool:
-    search, bound, problem = attempt.search, attempt.bound, attempt.checker.problem
-    if bound is None:
+    search, problem = attempt.search, attempt.checker.problem
+    if attempt.best is None:
         return False
     is_key: BoolArray = np.isin(np.arange(len(problem)), search.tags)
-    more = bound.more_keys(is_key, loss_of(problem, search.chosen, bound.best))
+    more = more_keys(is_key, loss_of(problem, search.chosen, attempt.best) - attempt.bound)
     if not len(more):
         return False
     attempt.use(grown(search, more, np.full(len(more), problem.fine)))

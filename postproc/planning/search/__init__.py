@@ -13,11 +13,12 @@ from postproc.planning.search.keytags import (
 from postproc.planning.search.laps import searched
 from postproc.planning.search.loss import (
     LOST,
-    LossBound,
     along,
     best_index,
+    least_index,
     loss_of,
     loss_report,
+    more_keys,
 )
 from postproc.planning.search.pose_search import PoseSearch, grown, travel, with_options
 from postproc.planning.search.refinement import Refinement

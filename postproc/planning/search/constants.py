@@ -116,8 +116,6 @@ AHEAD = 500
 
 DEFAULT_BOUND = 0.05
 """Bound of loss of the strategy ``smooth`` where the cell sets none."""
-LOSS_ROUNDS = 8
-"""So often at most key tags for less loss are added: each time up to as many as there are."""
 LOSS_SPACING = 0.01
 """On cuts the optimum of single tags is looked for this often [m], and interpolated."""
 HALVINGS = 6

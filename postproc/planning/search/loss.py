@@ -11,12 +11,11 @@ from postproc.errors import Finding, Severity
 from postproc.ladder import NONE, Rule
 from postproc.planning.checks import Checker
 from postproc.planning.search.between import Interpolation
-from postproc.planning.search.constants import LOSS_ROUNDS, LOSS_SPACING
+from postproc.planning.search.constants import LOSS_SPACING
 from postproc.planning.search.keytags import spaced
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.search.rungs import SearchOptions
 from postproc.planning.states import Chosen, Problem, Weights, evaluate
-from postproc.records import dataclass
 
 LOST = "PLN305"
 """More stiffness is lost than the bound allows."""
@@ -69,29 +68,17 @@ def loss_of(problem: Problem, chosen: Chosen, best: FloatArray) -> FloatArray:
     return loss
 
 
-@dataclass(slots=True)
-class LossBound:
-    """The bound of loss that a plan keeps where cuts that can be run do."""
+def least_index(best: FloatArray, bound: float) -> FloatArray:
+    """Return the index (n,) [N/m] at a bound of loss, ``best`` (n,) without any."""
+    return np.asarray((1.0 - bound - TINY) * best)
 
-    best: FloatArray
-    bound: float
-    rounds: int = 0
 
-    @property
-    def least(self) -> FloatArray:
-        """(n,) [N/m] the index at the bound."""
-        return np.asarray((1.0 - self.bound - TINY) * self.best)
-
-    def more_keys(self, keys: BoolArray, loss: FloatArray) -> IndexArray:
-        """Return tags to make key: between two key tags the one that loses most beyond it."""
-        over = np.nan_to_num(loss, nan=0.0) - self.bound
-        lossy = np.flatnonzero((over > 0.0) & ~keys)
-        self.rounds += 1
-        if self.rounds > LOSS_ROUNDS or not len(lossy):
-            return lossy[:0]
-        span = np.cumsum(keys)[lossy]
-        order = np.lexsort((-over[lossy], span))
-        return np.sort(lossy[order[np.unique(span[order], return_index=True)[1]]])
+def more_keys(keys: BoolArray, over: FloatArray) -> IndexArray:
+    """Return tags to make key: between two ``keys`` (n,) the one most ``over`` (n,) the bound."""
+    lossy = np.flatnonzero((np.nan_to_num(over, nan=0.0) > 0.0) & ~keys)
+    span = np.cumsum(keys)[lossy]
+    order = np.lexsort((-over[lossy], span))
+    return np.sort(lossy[order[np.unique(span[order], return_index=True)[1]]])
 
 
 def loss_report(problem: Problem, loss: FloatArray, tags: IndexArray, bound: float) -> Finding:

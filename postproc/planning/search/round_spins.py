@@ -22,9 +22,6 @@ from postproc.planning.states import Chosen, Problem, entered_anew
 from postproc.process import feeds_of
 from postproc.units import PERCENT
 
-_TRIES = 3
-"""So often cuts that fail on round spins are left on the grid, before all are."""
-
 
 def on_round_spins(search: PoseSearch, chosen: Chosen, *, at_edges: bool) -> Chosen:
     """Return the chosen poses moved to round spins near by, where that costs no more.
@@ -48,7 +45,8 @@ def on_round_spins(search: PoseSearch, chosen: Chosen, *, at_edges: bool) -> Cho
     alone &= search.edges.is_between & (search.edges.branch == chosen.branch[tags])
     edge[tags[alone]] = search.edges.spin[alone]
     window = Window.around(problem, chosen, best, edge if at_edges else None)
-    for _ in range(_TRIES):
+    shut = np.zeros(len(problem), dtype=np.bool_)
+    while True:
         near = searched(search.checker, tags, replace(search.options, window=window), between)
         near.ladder.reach = _reach(near, chosen)
         moved = near.chosen
@@ -56,8 +54,10 @@ def on_round_spins(search: PoseSearch, chosen: Chosen, *, at_edges: bool) -> Cho
         bad = np.union1d(bad, np.flatnonzero(moved.entry & ~chosen.entry)).astype(np.int64)
         if not len(bad):
             return moved
-        window = window.shut(np.isin(chain, chain[bad]))
-    return chosen
+        if shut[bad].all():
+            return chosen
+        shut |= np.isin(chain, chain[bad])
+        window = window.shut(shut)
 
 
 def between_round(problem: Problem, tags: IndexArray, chosen: Chosen) -> list[Finding]:
