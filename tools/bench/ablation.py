@@ -31,7 +31,7 @@ import numpy as np
 
 from postproc.cell import Cell, load_cell, parse_cell
 from postproc.jobs.convert import ConvertRequest, read_toolpath
-from postproc.model import Plan, ToolPath
+from postproc.model import MotionKind, Plan, ToolPath
 from postproc.planning import plan
 from postproc.planning.repairs import REPAIRS
 from postproc.readers import read
@@ -43,6 +43,7 @@ from tests.planning.test_solve import HOLES, PARTED
 from tools.bench.cells import holes_file, write_cells
 from tools.bench.contours import SOLIDS, contour, milling_cell, random_case
 from tools.bench.crowded import random_job
+from tools.bench.paths import bare_path
 from tools.bench.workload import WORKLOADS
 
 Switch = tuple[str, str, Any]
@@ -104,7 +105,7 @@ OFF: dict[str, tuple[Switch, ...]] = {
     "tilt steps": ((SEARCH + "tilt_steps.TiltSteps", "barred", _none),),
     "bridges": ((SEARCH + "rungs", "BRIDGED", 0.0),),
     "steady turn": ((SEARCH + "rungs", "STEADY_TURN", 100.0),),
-    "folded": ((ROUTE + "connect", "_folded", _no_ways),),
+    "folded": ((ROUTE + "connect", "_by_folding", _no_ways),),
     "trees": ((ROUTE + "connect", "rrt_connect", _none),),
     "offered": ((ROUTE + "connect", "_offered", lambda c, e, rows, *a: rows),),
     "drawn in": ((ROUTE + "connect", "_drawn_in", lambda c, s, g, e, ways: ways),),
@@ -187,6 +188,16 @@ def _contour(
     return lambda _: (contour(shape, count, spacing), milling_cell(**cell))  # type: ignore[arg-type]
 
 
+def _at_the_end_of_reach(_: Path) -> Made:
+    """Return a cut from the end of which few poses can back off along the tool axis."""
+    places = [2.5114, 0.3934, 2.1098] + np.arange(4)[:, None] * [-0.0031, 0.0198, 0.0]
+    axes = np.tile([0.848109, -0.501178, 0.171844], (4, 1))
+    kind = np.array([MotionKind.RAPID, *[MotionKind.LINEAR] * 3])
+    home = "[motion]\nhome_deg = [0, -90, 90, 0, 45, 0]\n"
+    cell = parse_cell(cell_text(STIFFNESS, home, origin=(0, 0, 0)).encode(), "cell.toml")
+    return bare_path("cut", places, axes, feed=0.02, kind=kind), cell
+
+
 def _turned_over(_: Path) -> Made:
     """Return a path one motion of which turns the tool over, far from its other end."""
     path = contour("s", 150, 6.0)
@@ -254,13 +265,15 @@ HARD: dict[str, Callable[[Path], Made]] = {
     "holes behind beams": _holes(120, "hard"),
     "holes": _holes(200, "cell"),
     "dome beside posts": _dome,
+    "long dome": lambda _: (dome(), parse_cell(DOME_CELL.encode(), "cell.toml")),
     "tilts round corners": _text(TILTED, "corners.apt", CORNERS),
     "a stub parts the reach": _text(PARTED, "holes.csv", _PARTED_HOLES),
     "pocket": _pocket(60.0, 24),
     "deep pocket": _pocket(140.0, 16),
     "turned over": _turned_over,
     "strokes": _strokes(12, 120.0),
-    "tilts along a contour": _tilted(40),
+    "tilts along a contour": _tilted(150),
+    "end of reach": _at_the_end_of_reach,
     "s with a clamp": _contour("s", 200, 2.0, fixture=True),
     "long steps": _contour("convex", 8, 150.0, fixture=True, origin=(2150, 550, 750)),
     "beside a clamp": _contour("convex", 1000, 1.0, fixture=True),
