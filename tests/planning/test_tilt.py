@@ -25,6 +25,7 @@ from postproc.planning.states.settings import (
 from postproc.planning.states.tilt import FEW_TILTS, MOST_TILTS, feed_directions, tilt_grid
 from postproc.units import DEG
 from tests.cells import FEED, STIFFNESS, cell_text
+from tools.bench.paths import bare_path
 
 UP = np.array([0.0, 0.0, 1.0])
 RAPID, LINEAR, ARC, HOLE = MotionKind.RAPID, MotionKind.LINEAR, MotionKind.ARC, MotionKind.HOLE
@@ -248,9 +249,9 @@ def test_more_tilts_are_tried_before_a_cut_is_refused(
     assert bool(found.errors) == (shift > 0.0)
 
 
-def test_a_slot_that_leans_between_two_tilts_of_the_first_grid_is_milled(make_path):
-    """Between walls that lean by 5 deg no tag has a pose at 0 or 10 deg."""
-    lean, gap, high, thick = 5.0 * DEG, 30.0, 150.0, 20.0
+def leaning_slot(lean=5.0 * DEG):
+    """Return a cut between walls that lean: no tag has a pose at 0 or 10 deg."""
+    gap, high, thick = 30.0, 150.0, 20.0
     up, across = (
         np.array([np.sin(lean), 0, np.cos(lean)]),
         np.array([np.cos(lean), 0, -np.sin(lean)]),
@@ -269,8 +270,14 @@ def test_a_slot_that_leans_between_two_tilts_of_the_first_grid_is_milled(make_pa
     wishes = "[optimize]\nstep_deg = 30\nlead_deg = [-10, 10]\nside_tilt_deg = [-10, 10]\n"
     place = {"tcp": (300, 0, 362), "tool": shank, "origin": (1900, 0, 800)}
     cell = parse_cell(cell_text(walls, STIFFNESS, wishes, FEED, **place).encode(), "cell.toml")
-    points = [[0.0, y, 0.0] for y in (-0.01, 0.0, 0.01)]
-    found = planner.plan(make_path(points, [0.0, 0.0, 1.0]), cell)
+    points = np.outer([-0.01, 0.0, 0.01], [0.0, 1.0, 0.0])
+    return bare_path("slot", points, [0.0, 0.0, 1.0], feed=0.01), cell
+
+
+def test_a_slot_that_leans_between_two_tilts_of_the_first_grid_is_milled():
+    lean = 5.0 * DEG
+    path, cell = leaning_slot(lean)
+    found = planner.plan(path, cell)
     assert not found.errors
     axis = -found.T_base_tcp[:, :3, :3] @ cell.tool.axis
     assert np.abs(np.arctan2(axis[:, 0], axis[:, 2]) - lean).max() < 3.0 * DEG

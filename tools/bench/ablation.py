@@ -36,10 +36,13 @@ from postproc.planning import plan
 from postproc.planning.repairs import REPAIRS
 from postproc.readers import read
 from tests.cells import STIFFNESS, cell_text
+from tests.jobs.test_retracts import LEAVE, around, cell_of
 from tests.places import FIXTURES
 from tests.planning.test_failing import CORNERS, TILTED
 from tests.planning.test_main_spin import DOME_CELL, dome
 from tests.planning.test_solve import HOLES, PARTED
+from tests.planning.test_tilt import leaning_slot
+from tools.bench.axes import rim, ring, slow_rail, walled
 from tools.bench.cells import holes_file, write_cells
 from tools.bench.contours import SOLIDS, contour, milling_cell, random_case
 from tools.bench.crowded import random_job
@@ -53,6 +56,7 @@ T = TypeVar("T")
 Found = Any
 """What a process that ended says."""
 SEARCH, ROUTE = "postproc.planning.search.", "postproc.planning.route."
+AXES = "postproc.planning.external."
 
 
 def _nothing(*_: object, **__: object) -> list[Any]:
@@ -111,6 +115,11 @@ OFF: dict[str, tuple[Switch, ...]] = {
     "drawn in": ((ROUTE + "connect", "_drawn_in", lambda c, s, g, e, ways: ways),),
     "seem free": ((ROUTE + "connect", "seem_free", lambda c, s, *a: np.ones(len(s), bool)),),
     "listed": (("postproc.ladder.graph.Graph", "_list", _none),),
+    "finer positions": (
+        (AXES + "rating", "_with_finer", lambda p, values, k, cost, s: (values, cost)),
+    ),
+    "free positions": ((AXES + "rating.Rating", "avoid_collisions", _none),),
+    "too fast": ((AXES + "positions", "_too_fast", _no),),
     "put off": (("postproc.ladder.ladder", "NEAR", 10**9),),
 }
 OFF |= {
@@ -284,6 +293,12 @@ HARD: dict[str, Callable[[Path], Made]] = {
     **{f"contour {seed}": lambda _, seed=seed: random_case(seed) for seed in (2, 5, 8, 23, 54)},
     **{f"crowded {seed}": _crowded(seed, with_rail=False) for seed in (1, 3)},
     "crowded rail": _crowded(4, with_rail=True),
+    "slot that leans": lambda _: leaning_slot(),
+    "round the base": lambda _: (around(), cell_of(LEAVE)),
+    "rim on a table": lambda _: rim(),
+    "ring within reach": lambda _: ring(),
+    "wall beside a rail": lambda _: walled(),
+    "slow rail": lambda _: slow_rail(),
 }
 CASES |= HARD
 
