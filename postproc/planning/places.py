@@ -230,9 +230,7 @@ def _in(cell: Cell, problem: Problem) -> Problem:
 
 def _spare(problem: Problem, tags: IndexArray, T: FloatArray) -> FloatArray:
     """Return the margin (m, 8) [rad] of poses (m, 4, 4) by branch, -inf where it cannot stand."""
-    kinematics = problem.kinematics
-    middle = 0.5 * (np.asarray(kinematics.q_min) + np.asarray(kinematics.q_max))
-    found = postures(problem, tags, T, middle)
+    found = postures(problem, tags, T)
     result = np.full(found.good.shape, -np.inf)
     result[found.good] = _margin(problem, found.q[found.good])
     return result

@@ -116,7 +116,7 @@ OFF: dict[str, tuple[Switch, ...]] = {
     "seem free": ((ROUTE + "connect", "seem_free", lambda c, s, *a: np.ones(len(s), bool)),),
     "listed": (("postproc.ladder.graph.Graph", "_list", _none),),
     "finer positions": (
-        (AXES + "rating", "_with_finer", lambda p, values, k, cost, s: (values, cost)),
+        (AXES + "rating", "_with_finer", lambda p, values, k, cost: (values, cost)),
     ),
     "free positions": ((AXES + "rating.Rating", "avoid_collisions", _none),),
     "too fast": ((AXES + "positions", "_too_fast", _no),),

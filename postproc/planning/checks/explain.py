@@ -18,7 +18,6 @@ from postproc.planning.states import (
     BRANCHES,
     NO_POSE,
     Chosen,
-    Postures,
     Problem,
     States,
     feed_directions,
@@ -309,19 +308,13 @@ def _upright(spins: FloatArray) -> FloatArray:
     return np.stack([spins, np.zeros_like(spins), np.zeros_like(spins)], axis=1)
 
 
-def _within(checker: Checker, tags: IndexArray, T: FloatArray) -> Postures:
-    problem = checker.problem
-    middle = 0.5 * (np.asarray(problem.kinematics.q_min) + np.asarray(problem.kinematics.q_max))
-    return postures(problem, tags, T, middle)
-
-
 def _free_spins(checker: Checker, tag: int, attitude: FloatArray) -> tuple[BoolArray, BoolArray]:
     """Return at which of attitudes (s, 3) [rad] a tool stands free, and where it also comes away.
 
     Free of collision in some branch; coming away is the stroke, or the way out of material.
     """
     tags = np.full(len(attitude), tag)
-    found = _within(checker, tags, checker.problem.placement.tcp(tags, attitude))
+    found = postures(checker.problem, tags, checker.problem.placement.tcp(tags, attitude))
     row, branch = np.nonzero(found.good)
     q = found.q[row, branch]
     standing, free = np.zeros((2, len(attitude)), dtype=np.bool_)

@@ -238,8 +238,21 @@ class Checker:
 
         Strokes ``free`` (m,) are known to be free of collision.
         """
-        heights, T, joints = self._stroke_ends(verdict, rows, tags, q, attitude, branch)
-        external = self.problem.placement.external[tags]
+        problem, strokes = self.problem, self.strokes
+        external = problem.placement.external[tags]
+        heights = [strokes.top[tags], strokes.clear[tags], -strokes.depth[tags]]
+        T, joints = list[FloatArray](), list[FloatArray]()
+        for k, height in enumerate(heights):
+            T.append(problem.placement.tcp(tags, attitude, height))
+            if k and np.array_equal(height, heights[k - 1]):
+                joints.append(joints[-1])
+                continue
+            solved, reached = problem.solve(T[-1], external, branch, q)
+            verdict.refuse(rows[~reached], Reason.UNREACHABLE)
+            solved = np.where(reached[:, None], solved, q)
+            verdict.refuse(rows[~problem.within(solved)], Reason.JOINT_LIMIT)
+            verdict.refuse(rows[~problem.regular(solved)], Reason.SINGULAR)
+            joints.append(solved)
         for start, end, touch in ((0, 1, False), (1, 2, True)):
             moving = (heights[start] - heights[end] > ROUNDING) & verdict.good[rows]
             kept = np.nonzero(moving)[0]
@@ -256,33 +269,6 @@ class Checker:
             bad = ~part.good
             verdict.reason[rows[kept[bad]]] = part.reason[bad]
             verdict.pair[rows[kept[bad]]] = part.pair[bad]
-
-    def _stroke_ends(
-        self,
-        verdict: Verdict,
-        rows: IndexArray,
-        tags: IndexArray,
-        q: FloatArray,
-        attitude: FloatArray,
-        branch: IndexArray,
-    ) -> tuple[list[FloatArray], list[FloatArray], list[FloatArray]]:
-        """Return heights (m,), poses and joints at the top, where the feed starts, at the depth."""
-        strokes, external = self.strokes, self.problem.placement.external[tags]
-        heights = [strokes.top[tags], strokes.clear[tags], -strokes.depth[tags]]
-        poses: list[FloatArray] = []
-        joints: list[FloatArray] = []
-        for k, height in enumerate(heights):
-            poses.append(self.problem.placement.tcp(tags, attitude, height))
-            if k and np.array_equal(height, heights[k - 1]):
-                joints.append(joints[-1])
-                continue
-            solved, reached = self.problem.solve(poses[-1], external, branch, q)
-            verdict.refuse(rows[~reached], Reason.UNREACHABLE)
-            solved = np.where(reached[:, None], solved, q)
-            verdict.refuse(rows[~self.problem.within(solved)], Reason.JOINT_LIMIT)
-            verdict.refuse(rows[~self.problem.regular(solved)], Reason.SINGULAR)
-            joints.append(solved)
-        return heights, poses, joints
 
     def lines(
         self, lines: Lines, together: IndexArray | None = None, free: BoolArray | None = None

@@ -20,7 +20,7 @@ from postproc.paths import top_speeds
 from postproc.planning.checks import Checker
 from postproc.planning.job import Job, checker_of
 from postproc.planning.search import arc_length, best_of, spaced, step_rules
-from postproc.planning.states import Problem, Settings, evaluate, sample
+from postproc.planning.states import Problem, evaluate, sample
 from postproc.process import feeds_of
 from postproc.records import dataclass
 from postproc.units import DEG
@@ -171,8 +171,8 @@ def rated(job: Job, toolpath: ToolPath, cell: Cell) -> Rating:
         toolpath: what was read.
         cell: with at least one external axis.
     """
-    n, k, settings = len(toolpath), len(cell.external_axes), job.settings
-    checker = checker_of(toolpath, cell, settings, np.zeros((n, k)))
+    n, k = len(toolpath), len(cell.external_axes)
+    checker = checker_of(toolpath, cell, job.settings, np.zeros((n, k)))
     problem, values = checker.problem, position_grid(cell)
     chain = step_rules(problem) == Rule.CHAIN
     axis = problem.placement.axis_base(np.arange(n))
@@ -181,8 +181,8 @@ def rated(job: Job, toolpath: ToolPath, cell: Cell) -> Rating:
     is_knot[1:] |= np.diff(np.floor(turned / KNOT_TURN)) != 0
     knots = np.flatnonzero(is_knot)
     first, of_first = distinct(problem, values)
-    cost, index = _least_costs(problem, values[first], knots, settings)[..., of_first]
-    values, cost = _with_finer(problem, values, knots, cost, settings)
+    cost, index = _least_costs(problem, values[first], knots)[..., of_first]
+    values, cost = _with_finer(problem, values, knots, cost)
     least = cost.min(axis=1, keepdims=True)
     loss = np.where(np.isfinite(cost), cost - np.where(np.isfinite(least), least, 0.0), UNREACHED)
     best = np.fmax.reduce(index, axis=1)
@@ -193,14 +193,14 @@ def rated(job: Job, toolpath: ToolPath, cell: Cell) -> Rating:
 
 
 def _with_finer(
-    problem: Problem, values: FloatArray, knots: IndexArray, cost: FloatArray, settings: Settings
+    problem: Problem, values: FloatArray, knots: IndexArray, cost: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return positions (g, k) and costs (m, g) with those that reach what no other does."""
     left = np.flatnonzero(~np.isfinite(cost).any(axis=1))
     if not len(left):
         return values, cost
     fine = position_grid(problem.cell, _FINER, _MOST_FINER)
-    there = _least_costs(problem, fine, knots[left], settings)[0]
+    there = _least_costs(problem, fine, knots[left])[0]
     reached = np.isfinite(there)
     added: list[int] = []
     while reached.any() and len(added) < _ADDED:
@@ -211,24 +211,21 @@ def _with_finer(
         reached[reached[:, best]] = False
     if not added:
         return values, cost
-    more = _least_costs(problem, fine[added], knots, settings)[0]
+    more = _least_costs(problem, fine[added], knots)[0]
     return np.concatenate([values, fine[added]]), np.column_stack([cost, more])
 
 
-def _least_costs(
-    problem: Problem, values: FloatArray, tags: IndexArray, settings: Settings
-) -> FloatArray:
+def _least_costs(problem: Problem, values: FloatArray, tags: IndexArray) -> FloatArray:
     """Return as ``_least_cost`` for each position (2, n, g)."""
-    return np.stack(
-        [_least_cost(problem.standing(value), tags, settings) for value in values], axis=-1
-    )
+    return np.stack([_least_cost(problem.standing(value), tags) for value in values], axis=-1)
 
 
-def _least_cost(problem: Problem, tags: IndexArray, settings: Settings) -> FloatArray:
+def _least_cost(problem: Problem, tags: IndexArray) -> FloatArray:
     """Return cost and index (2, n) of the pose of each tag (n,) that a search prefers.
 
     Infinite and NaN without any.
     """
+    settings = problem.settings
     states = sample(problem, tags, settings.spins, tilts=problem.tilts)
     row = states.tag_of(np.arange(len(states.q)))
     wish = states.cost + settings.weights.price(1.0 - states.index / best_of(states)[row])

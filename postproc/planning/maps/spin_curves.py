@@ -16,16 +16,14 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.cell import Cell
-from postproc.collision import Scene
 from postproc.errors import CellError, SourceRef
 from postproc.kinematics import is_coaxial_with_axis_6
 from postproc.model import ToolPath
-from postproc.planning.checks import MORE_CLEARANCE, Checker
-from postproc.planning.job import problem_of
+from postproc.planning.checks import Checker
+from postproc.planning.job import checker_of
 from postproc.planning.search import key_tags
 from postproc.planning.states import (
     Postures,
-    Problem,
     StateContext,
     context_of,
     cross_axes,
@@ -134,8 +132,8 @@ def spin_curves(
             part = toolpath.rows(np.arange(stretch.low, stretch.high))
             here = cell.with_tool(stretch.tool, stretch.base)
             place(part, here)  # refuses tags without a pose: there are no curves for stand-ins
-            problem = problem_of(part, here, settings)
-            pieces.append(_curves(problem, own - stretch.low, spins))
+            checker = checker_of(part, here, settings)
+            pieces.append(_curves(checker, own - stretch.low, spins))
     shape = (-1, len(spins))
     order = np.argsort(np.argsort(tags, kind="stable"), kind="stable")
     columns = [np.concatenate(column)[order] for column in zip(*pieces, strict=True)]
@@ -162,9 +160,10 @@ def _with_frames(tags: IndexArray, assigned: Assignment) -> IndexArray:
     return kept
 
 
-def _curves(problem: Problem, tags: IndexArray, spins: FloatArray) -> tuple[FloatArray, ...]:
+def _curves(checker: Checker, tags: IndexArray, spins: FloatArray) -> tuple[FloatArray, ...]:
     """Return q (t, s, 6), branch (t,), blocked (t, s), coaxial (t,) and the indices (t, s)."""
-    which, spin = np.repeat(tags, len(spins)), np.tile(spins, len(tags))
+    problem, width = checker.problem, len(spins)
+    which, spin = np.repeat(tags, width), np.tile(spins, len(tags))
     T = problem.placement.tcp(which, spin)
     q, branch = _followed(postures(problem, which, T, np.zeros(6)), len(tags))
     can = np.flatnonzero(np.isfinite(q[:, 0]))
@@ -174,11 +173,11 @@ def _curves(problem: Problem, tags: IndexArray, spins: FloatArray) -> tuple[Floa
         for name, value in _indices(context).items():
             values[name][can] = value
     blocked = np.zeros(len(q), dtype=np.bool_)
-    own = np.repeat(branch, len(spins))
-    blocked[can] = _blocked(problem, which[can], q[can], spin[can], own[can])
+    own = np.repeat(branch, width)
+    blocked[can] = ~checker.states(which[can], q[can], spin[can], own[can]).good
     tool = problem.cell.tool
     coaxial = is_coaxial_with_axis_6(problem.kinematics, tool.T_flange_tcp, tool.axis)
-    shape = (len(tags), len(spins))
+    shape = (len(tags), width)
     return (
         q.reshape(*shape, 6),
         branch,
@@ -186,15 +185,6 @@ def _curves(problem: Problem, tags: IndexArray, spins: FloatArray) -> tuple[Floa
         np.full(len(tags), coaxial),
         *(value.reshape(shape) for value in values.values()),
     )
-
-
-def _blocked(
-    problem: Problem, tags: IndexArray, q: FloatArray, spin: FloatArray, branch: IndexArray
-) -> BoolArray:
-    """Return (m,) whether a state at a tag collides or has a stroke that cannot be run."""
-    scene = Scene.shared(problem.cell, problem.kinematics)
-    checker = Checker(problem, scene.kept(MORE_CLEARANCE))
-    return ~checker.states(tags, q, spin, branch).good
 
 
 def _some(keys: IndexArray, most: int) -> IndexArray:

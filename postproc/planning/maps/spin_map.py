@@ -191,8 +191,7 @@ def _without_state(checker: Checker, tags: IndexArray) -> IntArray:
     problem = checker.problem
     spins = problem.settings.spins
     which, spin = np.repeat(tags, len(spins)), np.tile(spins, len(tags))
-    middle = 0.5 * (np.asarray(problem.kinematics.q_min) + np.asarray(problem.kinematics.q_max))
-    found = postures(problem, which, problem.placement.tcp(which, spin), middle)
+    found = postures(problem, which, problem.placement.tcp(which, spin))
     # a posture that nothing rules out counts for nothing here: it is checked as a state
     least: IntArray = ruled_out(found, SpinClass.UNREACHABLE).min(axis=1)
     return least.reshape(len(tags), len(spins))

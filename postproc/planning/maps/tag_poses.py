@@ -73,7 +73,6 @@ class _Stretch:
     low: int
     high: int
     checker: Checker
-    cell: Cell
 
 
 class TagPoses:
@@ -95,7 +94,7 @@ class TagPoses:
                 cell = self._cell.with_tool(part.tool, part.base)
                 external = None if axes is None else axes[rows]
                 checker = checker_of(plan.toolpath.rows(rows), cell, self._settings, external)
-                found.append(_Stretch(part.low, part.high, checker, cell))
+                found.append(_Stretch(part.low, part.high, checker))
         return found
 
     def at(self, tag: int, spin: float) -> TagPose | None:
@@ -114,7 +113,7 @@ class TagPoses:
         T = problem.placement.tcp(tags, attitude)
         found = postures(problem, tags, T, self._near(np.array([tag]))[0])
         row, branch = np.nonzero(found.good)
-        tool, base = part.cell.tool_index, part.cell.base_index
+        tool, base = problem.cell.tool_index, problem.cell.base_index
         if not len(row):
             return replace(_ruled_out(checker, found), tool=tool, base=base)
         q = found.q[row, branch]

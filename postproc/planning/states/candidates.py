@@ -17,12 +17,13 @@ from postproc.arrays import (
     BoolArray,
     FloatArray,
     IndexArray,
+    least_by,
     numbered,
     taken,
 )
 from postproc.planning.states.postures import StrokeEnds
 from postproc.planning.states.pricing import Orientation, as_given, costs_of
-from postproc.planning.states.problem import Problem
+from postproc.planning.states.problem import Problem, nearest_turn
 from postproc.planning.states.tilt import UPRIGHT
 from postproc.records import dataclass
 from postproc.units import TURN
@@ -182,7 +183,7 @@ def _chunk(
     orientation = Orientation.of(problem, which, T_base_tcp)
     cost, index = costs_of(problem, which, attitude[:, 0], orientation, pose, q, source)
     owner = row[pose[source]]
-    _subtract_best(cost, owner)
+    cost -= least_by(cost, owner, n)[owner]
     return States(
         offsets=np.concatenate([[0], np.cumsum(n_of(owner, n))]),
         q=q.astype(np.float32),
@@ -213,15 +214,6 @@ def _attitudes(
 def n_of(rows: IndexArray, n: int) -> IndexArray:
     """Return how often each of ``0..n-1`` stands in ``rows``."""
     return np.bincount(rows, minlength=n).astype(np.int64)
-
-
-def _subtract_best(cost: FloatArray, row: IndexArray) -> None:
-    """Make the best cost of every row 0, in place; rows are sorted."""
-    if not len(cost):
-        return
-    starts = np.nonzero(np.diff(row, prepend=-1))[0]
-    best = np.minimum.reduceat(cost, starts)
-    cost -= np.repeat(best, np.diff(np.append(starts, len(row))))
 
 
 def turn_range(
@@ -285,7 +277,7 @@ def nearest_copies(
 
     What is over a limit there is left out.
     """
-    moved = q + TURN * np.round((q_near - q) / TURN)
+    moved = nearest_turn(q, q_near)
     kept = np.nonzero(problem.within(moved))[0]
     return moved[kept], kept
 

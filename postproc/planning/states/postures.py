@@ -25,7 +25,7 @@ class Postures:
 
 
 def postures(
-    problem: Problem, tags: IndexArray, T_base_tcp: FloatArray, q_near: ArrayLike
+    problem: Problem, tags: IndexArray, T_base_tcp: FloatArray, q_near: ArrayLike | None = None
 ) -> Postures:
     """Return the postures of poses (m, 4, 4) at tags (m,); a tag without a pose has none.
 
@@ -34,7 +34,10 @@ def postures(
         tags: (m,) indices.
         T_base_tcp: (m, 4, 4).
         q_near: (6,) or (m, 1, 6) [rad]; of the turns within limits the nearest to it are taken.
+            None: the middle of the limits.
     """
+    if q_near is None:
+        q_near = 0.5 * (np.asarray(problem.kinematics.q_min) + problem.kinematics.q_max)
     slots, reached = problem.kinematics.ik(
         problem.placement.flange(T_base_tcp, problem.placement.external[tags])
     )
