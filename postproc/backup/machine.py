@@ -29,7 +29,6 @@ class Machine:
         root: X Y Z A B C of $ROBROOT [mm, deg].
         payload_kg: $DEF_L_M, None where not given.
         notes: what a person should know.
-        mixed: words on machine data of two robots, empty where they agree.
     """
 
     trafoname: str
@@ -39,7 +38,6 @@ class Machine:
     root: tuple[float, ...]
     payload_kg: float | None
     notes: tuple[str, ...]
-    mixed: str = ""
 
 
 def machine_of(data: Variables, robcor: Variables | None) -> Machine:
@@ -65,7 +63,6 @@ def machine_of(data: Variables, robcor: Variables | None) -> Machine:
         root=tuple(root or [0.0] * 6),
         payload_kg=payload if payload is not None and payload > 0.0 and not mixed else None,
         notes=tuple(notes),
-        mixed=mixed,
     )
 
 

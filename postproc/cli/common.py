@@ -199,15 +199,10 @@ def _coloured(line: str, severity: str) -> str:
 
 
 class Part(click.ParamType):  # type: ignore[type-arg]
-    """A part that can be plugged in, by its name in a registry.
+    """A part that can be plugged in, by its name in a registry of a room, or one of ``more``.
 
-    The registry is loaded only for a call that names a part: help stays fast.
-
-    Args:
-        room: package that holds the registry.
-        registry: its name there.
-        more: further names that the option takes.
-        is_checked: False where the job says itself which parts there are.
+    The registry is loaded only for a call that names a part: help stays fast. It is not checked
+    where the job says itself which parts there are.
     """
 
     name = "text"
@@ -337,11 +332,7 @@ def given(kind: type, options: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def read_cam(source: str, options: Mapping[str, Any], cell: Cell) -> ToolPath:
-    """Read a CAM file as ``reading_options`` say.
-
-    Raises:
-        DataError: from the reader.
-    """
+    """Read a CAM file as ``reading_options`` say."""
     from postproc.jobs.given import read
 
     return read(source, cell, **reading(options))

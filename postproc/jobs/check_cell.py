@@ -62,7 +62,7 @@ class CellCheck(Paged):
     @property
     def good(self) -> bool:
         """Whether no finding is an error."""
-        return not any(finding.severity is Severity.ERROR for finding in self.findings)
+        return not any(finding.is_error for finding in self.findings)
 
     @property
     def document(self) -> dict[str, Any]:

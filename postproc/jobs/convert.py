@@ -124,7 +124,7 @@ class Conversion:
     @property
     def good(self) -> bool:
         """Whether every tag can be run and every check passed."""
-        return not any(finding.severity is Severity.ERROR for finding in self.findings)
+        return not any(finding.is_error for finding in self.findings)
 
 
 def convert(

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from postproc.cell import Cell, Preset
-from postproc.errors import Severity
 from postproc.model import Plan
 from postproc.planning import grade_counts
 from postproc.records import dataclass
@@ -104,7 +103,7 @@ def outcomes(chosen: Plan, cell: Cell, planned: Callable[[Cell], Plan]) -> tuple
 def _outcome(plan: Plan, cell: Cell, *, is_chosen: bool) -> Outcome:
     stiffness = plan.stiffness[np.isfinite(plan.stiffness)]
     clearance = plan.clearance[np.isfinite(plan.clearance)]
-    failing = {i.tag_index for i in plan.findings if i.severity is Severity.ERROR}
+    failing = {i.tag_index for i in plan.findings if i.is_error}
     lost = lost_percent(plan)
     return Outcome(
         cell.optimize.preset.value,

@@ -175,12 +175,7 @@ def ticker(session: cli.Session) -> Iterator[Tick]:
 
 
 class Lines:
-    """One line for every tenth of the work, and at least every ``EVERY`` seconds.
-
-    Args:
-        say: prints a line.
-        clock: tells the time [s].
-    """
+    """One line for every tenth of the work, and at least every ``EVERY`` seconds of a ``clock``."""
 
     def __init__(
         self, say: Callable[[str], None], clock: Callable[[], float] = time.monotonic

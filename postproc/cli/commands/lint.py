@@ -39,7 +39,6 @@ def command(session: cli.Session, /, **options: Any) -> int:  # noqa: ANN401 - c
     Names must be unique over everything that is given. Of a single file its .dat and the modules
     beside it that it calls are read as well. Exit code 1 if there is any error.
     """
-    from postproc.errors import Severity
     from postproc.jobs.lint import lint
     from postproc.krl import LintOptions
 
@@ -65,7 +64,7 @@ def command(session: cli.Session, /, **options: Any) -> int:  # noqa: ANN401 - c
         for finding in findings:
             session.show(str(finding))
         session.show(_summary(findings, files))
-    return cli.answer(not any(finding.severity is Severity.ERROR for finding in findings))
+    return cli.answer(not any(finding.is_error for finding in findings))
 
 
 def _cases(findings: tuple[Finding, ...], files: tuple[str, ...]) -> dict[str, dict[str, Any]]:

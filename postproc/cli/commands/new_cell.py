@@ -17,13 +17,11 @@ AXES = ("+x", "-x", "+y", "-y", "+z", "-z")
 
 
 def ask(options: dict[str, Any], propose: Callable[[], bool], free_home: Callable[[], str]) -> None:
-    """Ask for what the call does not say.
+    """Ask for what the call does not say, and put the answers into its options.
 
-    Args:
-        options: of the call; the answers are put in.
-        propose: puts a place of the workpiece in, made from ``options["input"]``; False where the
-            file or the arm allows none.
-        free_home: six angles [deg] of a home that is free of collision, "-" where none is found.
+    ``propose`` puts a place of the workpiece in, made from ``options["input"]``; False where the
+    file or the arm allows none. ``free_home`` returns six angles [deg] of a home that is free of
+    collision, "-" where none is found.
     """
     if options["robot"] is None and options["urdf"] is None:
         click.echo("Name of the arm as on its plate; `postproc robots` lists all.", err=True)

@@ -107,10 +107,10 @@ def _external(axis: ExternalAxis) -> dict[str, Any]:
 
 
 def _lead(cell: Cell, findings: Sequence[Finding], stance: Stance) -> list[str]:
-    errors = sum(finding.severity is Severity.ERROR for finding in findings)
+    errors = sum(finding.is_error for finding in findings)
     warnings = sum(finding.severity is Severity.WARNING for finding in findings)
     if errors:
-        first = next(finding for finding in findings if finding.severity is Severity.ERROR)
+        first = next(finding for finding in findings if finding.is_error)
         return [f"This cell cannot work as it is: {first.message}."]
     where = "at home" if cell.motion.home is not None else "upright"
     margin = np.minimum(stance.q - cell.robot.q_min, cell.robot.q_max - stance.q).min()

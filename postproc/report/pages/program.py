@@ -9,7 +9,7 @@ import numpy as np
 
 from postproc.arrays import AnyIntArray, FloatArray, IntArray
 from postproc.cell import Cell
-from postproc.errors import Finding, Severity, headlines
+from postproc.errors import Finding, headlines
 from postproc.model import MoveKind, MoveRole, Plan, ToolPath
 from postproc.planning import FailingPose, PlanMaps, SpinIndex, cell_at, repairs_tried, stand_ins
 from postproc.report.parts import (
@@ -91,11 +91,7 @@ def program_data(
 
 def _failing(findings: Sequence[Finding]) -> dict[int, str]:
     """Return what is wrong with each tag that fails."""
-    return {
-        int(i.tag_index): i.message
-        for i in findings
-        if i.severity is Severity.ERROR and i.tag_index is not None
-    }
+    return {int(i.tag_index): i.message for i in findings if i.is_error and i.tag_index is not None}
 
 
 def motion_sections(page: Page, columns: list[TagColumn], rows: str, spins: bool = False) -> None:
@@ -120,7 +116,7 @@ def lead(
     tags, total, failing = len(plan.toolpath), plan.cycle_time, _failing(findings)
     margin = next((c.values for c in columns if c.key == "margin"), np.zeros(0))
     nearest = nearest_words(maps.clearance, margin)
-    errors = [finding for finding in findings if finding.severity is Severity.ERROR]
+    errors = [finding for finding in findings if finding.is_error]
     rows = [f"{row['repair']} ({row['because']}) {row['times']}x" for row in repairs_tried(plan)]
     tried = [f"Tried where something was missing at first: {'; '.join(rows)}."] if rows else []
     if failing:

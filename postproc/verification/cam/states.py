@@ -151,9 +151,6 @@ def _words(value: object) -> str:
     return "off" if value is None else str(value)
 
 
-_KINDS = (EventKind.SIGNAL, EventKind.WAIT_SIGNAL)
-
-
 class Span(NamedTuple):
     """First and last motion before which an event of the file may happen."""
 
@@ -182,9 +179,9 @@ def paired_signals(trace: Trace, cell: Cell, everything: Sequence[Asked]) -> Pai
         EventKind.SIGNAL: cell.krl.outputs,
         EventKind.WAIT_SIGNAL: cell.krl.inputs,
     }
-    asked = [(event, span) for event, span in everything if event.kind in _KINDS]
+    asked = [(event, span) for event, span in everything if event.kind in _SIGNALS]
     mapped = [ports[event.kind].get(event.text, 0) for event, _ in asked]
-    routines = {cell.krl.hooks[str(kind)].upper() for kind in _KINDS}
+    routines = {cell.krl.hooks[str(kind)].upper() for kind in _SIGNALS}
     outputs = {f"$OUT[{number}]" for number in cell.krl.outputs.values()}
     inputs = {_condition(n, value) for n in cell.krl.inputs.values() for value in (True, False)}
     groups = (
