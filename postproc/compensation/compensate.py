@@ -60,13 +60,9 @@ FAR = 0.5
 
 def with_shift_margin(cell: Cell) -> Cell:
     """Return the cell for a plan that will be compensated: shifted poses keep its margins."""
-    limits = cell.limits
-    more = replace(
-        limits,
-        joint_margin=limits.joint_margin + SHIFT_MARGIN,
-        singularity=limits.singularity + SHIFT_MARGIN,
-    )
-    return replace(cell, limits=more)
+    names = ("joint_margin", "singularity")
+    more = {name: getattr(cell.limits, name) + SHIFT_MARGIN for name in names}
+    return replace(cell, limits=replace(cell.limits, **more))
 
 
 def compensate(plan: Plan, cell: Cell, model: str | ModelFile) -> Plan:
@@ -107,7 +103,7 @@ def compensate(plan: Plan, cell: Cell, model: str | ModelFile) -> Plan:
     if sides is not None:
         commanded = _crossing(commanded, plan, cell, arm, rows, sides)
     if arm.along:
-        commanded = follower(arm).compensated(commanded, file)
+        commanded = Follower(arm.cell, arm.kinematics, arm.along).compensated(commanded, file)
         findings += _left_along(commanded.along_path, cell)
     return replace(
         commanded,
@@ -127,15 +123,10 @@ def _left_along(told: AlongPath | None, cell: Cell) -> list[Finding]:
     return [Finding(Severity.WARNING, "CMP006", f"{text}{plain}", hint=hint)]
 
 
-def follower(arm: RealArm) -> Follower:
-    """Return what takes effects along the path off the programs of an arm."""
-    return Follower(arm.cell, arm.kinematics, arm.along)
-
-
 def _in_pieces(plan: Plan, cell: Cell, arm: RealArm) -> Plan:
     """Return the plan with long cuts divided where the arm gives way differently on the way."""
     process = process_of(plan, cell)
-    missed = follower(arm).missed(plan) if arm.along else None
+    missed = Follower(arm.cell, arm.kinematics, arm.along).missed(plan) if arm.along else None
 
     def displacement(q: FloatArray, move: IntArray, share: FloatArray) -> FloatArray:
         nothing = np.zeros_like(q)
@@ -190,8 +181,7 @@ def _rows(plan: Plan, cell: Cell, kinematics: Kinematics) -> _Rows:
     tool = plan.tool_of_moves
     T_robroot_flange = T_robroot_base @ T_base_aux @ inverse(cell.tcp_of(tool[arc]))
     branches, valid = kinematics.ik(T_robroot_flange)
-    at = np.arange(len(arc))
-    slot = kinematics.slot(q[arc])
+    at, slot = np.arange(len(arc)), kinematics.slot(q[arc])
     # the way point's own orientation lies between those of the ends; the difference to the end's
     # changes its load response far less than the response itself
     q_aux = np.where(
@@ -251,8 +241,7 @@ def _reach(arm: RealArm, rows: _Rows) -> FloatArray:
         arm.displacement(replace(moments, direction=np.tile(side, (n, 1)))) - middle
         for side in np.eye(6)
     ]
-    most: FloatArray = np.sum([np.linalg.norm(way, axis=1) for way in moved], axis=0)
-    return most / STEEPEST
+    return np.asarray(np.sum([np.linalg.norm(way, axis=1) for way in moved], axis=0) / STEEPEST)
 
 
 def process_of(plan: Plan, cell: Cell) -> FloatArray:
@@ -264,8 +253,7 @@ def process_of(plan: Plan, cell: Cell) -> FloatArray:
 def _T_robroot_base(plan: Plan, cell: Cell, kinematics: Kinematics) -> FloatArray:
     """Return the workpiece frame (m, 4, 4) at each move; external axes move it."""
     T_robroot_tcp = kinematics.fk(plan.q) @ cell.tcp_of(plan.tool_of_moves)
-    T: FloatArray = T_robroot_tcp @ inverse(plan.T_base_tcp)
-    return T
+    return np.asarray(T_robroot_tcp @ inverse(plan.T_base_tcp))
 
 
 def _shifted(
@@ -303,22 +291,22 @@ def _findings(plan: Plan, cell: Cell, kinematics: Kinematics, solved: Compensate
     m = len(plan)
     inside = kinematics.within_limits(solved.q[:m], cell.limits.joint_margin)
     good = solved.reached[:m] & inside & (solved.left[:m] < 100.0 * ACCURACY)
+    hint = "move the workpiece, or convert without --model"
     findings = []
     for move in np.flatnonzero(~good):
-        tag = int(plan.tag[move])
-        reason = "leaves the joint limits" if solved.reached[move] else "is out of reach"
-        source = plan.toolpath.source(tag) if 0 <= tag < len(plan.toolpath) else None
-        findings.append(
-            Finding(
-                Severity.ERROR,
-                "PLN102" if solved.reached[move] else "PLN101",
-                f"the compensated pose {reason}",
-                tag,
-                source,
-                hint="move the workpiece, or convert without --model",
-            )
-        )
+        code, why = "PLN101", "is out of reach"
+        if solved.reached[move]:
+            code, why = "PLN102", "leaves the joint limits"
+        text = f"the compensated pose {why}"
+        findings.append(_finding(Severity.ERROR, code, text, plan, int(move), hint))
     return findings
+
+
+def _finding(severity: Severity, code: str, text: str, plan: Plan, move: int, hint: str) -> Finding:
+    """Return a finding about the tag of a move."""
+    tag = int(plan.tag[move])
+    source = plan.toolpath.source(tag) if 0 <= tag < len(plan.toolpath) else None
+    return Finding(severity, code, text, tag, source, hint=hint)
 
 
 def _unsettled(plan: Plan, change: FloatArray) -> list[Finding]:
@@ -327,18 +315,10 @@ def _unsettled(plan: Plan, change: FloatArray) -> list[Finding]:
     if not len(moves):
         return []
     worst = int(moves[int(change[moves].argmax())])
-    tag = int(plan.tag[worst])
-    return [
-        Finding(
-            Severity.WARNING,
-            "CMP002",
-            f"{len(moves)} compensated moves do not settle, the worst by "
-            f"{change[worst] / MM:.4f} mm: the speeds of the joints change with it",
-            tag,
-            plan.toolpath.source(tag) if 0 <= tag < len(plan.toolpath) else None,
-            hint="see what verify --model expects there",
-        )
-    ]
+    text = f"{len(moves)} compensated moves do not settle, the worst by "
+    text += f"{change[worst] / MM:.4f} mm: the speeds of the joints change with it"
+    hint = "see what verify --model expects there"
+    return [_finding(Severity.WARNING, "CMP002", text, plan, worst, hint)]
 
 
 def _left_out(arm: RealArm, file: ModelFile) -> list[Finding]:
@@ -347,15 +327,10 @@ def _left_out(arm: RealArm, file: ModelFile) -> list[Finding]:
     for name in file.effects:
         if name in PATH_EFFECTS and name not in {*arm.along, *arm.model.states}:
             told[name] = "no program swings against it; " + PATH_EFFECTS.get(name).action
-    found = [
-        Finding(
-            Severity.WARNING,
-            "CMP003",
-            f"{name} is not compensated: {why}",
-            source=file.source(name),
-        )
-        for name, why in told.items()
-    ]
+    found = []
+    for name, why in told.items():
+        text = f"{name} is not compensated: {why}"
+        found.append(Finding(Severity.WARNING, "CMP003", text, source=file.source(name)))
     for key, joints in file.unseen.items():
         effect, name = key.split(".")
         text = f"effects.{key} is not known of {' '.join(f'A{joint}' for joint in joints)}"
@@ -375,9 +350,8 @@ def _doubted(plan: Plan, arm: RealArm, rows: _Rows, conditions: Mapping[str, Flo
         own = np.flatnonzero(rows.tool[:m] == tool)
         q = np.asarray(plan.q)[own]
         here = {name: values[own] for name, values in conditions.items()}
-        model = arm.models[tool]
-        samples = model.samples(q, arm.wrench(q, process[own], tool), here)
-        size, reached = model.certain(samples)
+        samples = arm.models[tool].samples(q, arm.wrench(q, process[own], tool), here)
+        size, reached = arm.models[tool].certain(samples)
         if size is not None and reached is not None:
             radius[own], inside[own] = size, reached
     return replace(plan, compensation_u95=radius, compensation_inside=inside)
@@ -390,27 +364,19 @@ def _far(plan: Plan, file: ModelFile) -> list[Finding]:
     if not len(working):
         return []
     q = np.asarray(plan.q)[working]
-    is_far = np.zeros(len(q), dtype=np.bool_)
+    share = np.ones(len(q)) if file.reach is None else file.reach.share(q)
+    is_far = share < 1.0
     if isinstance(field, ContinuousField):
         is_far |= field.extrapolation(q) > FAR
-    share = np.ones(len(q)) if file.reach is None else file.reach.share(q)
-    is_far |= share < 1.0
     far = working[is_far]
     if not len(far):
         return []
     applied = np.round(100.0 * share[is_far].max())
-    return [
-        Finding(
-            Severity.WARNING,
-            "CMP005",
-            f"{len(far)} of {len(working)} working moves are in poses far from all that was "
-            f"measured: stiffness is extrapolated there, and at most {applied:.0f} % of the "
-            "shift is applied",
-            int(plan.tag[far[0]]),
-            plan.toolpath.source(int(plan.tag[far[0]])),
-            hint="measure in the branch and the turns of A4 and A6 that the program takes",
-        )
-    ]
+    text = f"{len(far)} of {len(working)} working moves are in poses far from all that was "
+    text += f"measured: stiffness is extrapolated there, and at most {applied:.0f} % of the "
+    text += "shift is applied"
+    hint = "measure in the branch and the turns of A4 and A6 that the program takes"
+    return [_finding(Severity.WARNING, "CMP005", text, plan, int(far[0]), hint)]
 
 
 def _note(
@@ -425,14 +391,10 @@ def _note(
         parts.append(f"tool {', '.join(f'{mass:g}' for mass in known)} kg")
     acting = np.unique(rows.process[rows.working], axis=0)
     if len(acting) == 1:
-        force, moment = np.split(acting[0], 2)
-        parts += [f"force {_triple(force)} N"] if bool(np.any(force)) else []
-        parts += [f"moment {_triple(moment)} Nm"] if bool(np.any(moment)) else []
+        for form, three in zip(("force {} N", "moment {} Nm"), np.split(acting[0], 2), strict=True):
+            if three.any():
+                parts.append(form.format(" ".join(f"{value:g}" for value in three)))
     elif len(acting) > 1:
         parts.append(f"process loads of {len(acting)} kinds")
     parts.append(f"shift <= {size.max(initial=0.0):.3f} mm")
     return f"compensated ({Path(file.path).name}): {', '.join(parts)}"
-
-
-def _triple(values: FloatArray) -> str:
-    return " ".join(f"{value:g}" for value in values)
