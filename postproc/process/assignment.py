@@ -180,7 +180,11 @@ class _Assigner:
                 subject = f"{tool_words(tool)}, called in line {tool.line},"
                 self._unknown(calls, index, subject, tool.name or str(tool.number))
             elif place >= 0:
-                self._compare_diameter(tool, self.cell.tools[place])
+                own = self.cell.tools[place]
+                if abs(tool.diameter - own.diameter) > _SAME_DIAMETER:
+                    text = f"{tool_words(tool)} has another diameter than the cutter of tool "
+                    text += f"{own.number} {own.name} in the cell, {own.diameter / MM:g} mm"
+                    self._warn("WRD022", text, tool)
         self._warn_of_alike({index: place for index, place in entry.items() if place >= 0})
         nobody = 0
         if not calls.is_single:
@@ -231,13 +235,9 @@ class _Assigner:
 
     def _unknown(self, calls: _Calls, index: int, subject: str, key: str) -> None:
         rows = np.flatnonzero(calls.column == index)
-        self._error(
-            calls.code,
-            f"{subject} is no {calls.word} of the cell: {self._lines(rows)}",
-            int(rows[0]),
-            f'add to the [[{calls.word}s]] entry that it is: cam = ["{key}"]; '
-            "inspect prints the table",
-        )
+        text = f"{subject} is no {calls.word} of the cell: {self._lines(rows)}"
+        hint = f'add to the [[{calls.word}s]] entry that it is: cam = ["{key}"]; '
+        self._error(calls.code, text, int(rows[0]), hint + "inspect prints the table")
 
     def _before_any(self, calls: _Calls, start: str, hint: str) -> int:
         """Refuse tags of no call, where there are any; several entries may be meant."""
@@ -248,21 +248,14 @@ class _Assigner:
             self._error(calls.code, text, int(rows[0]), hint)
         return UNASSIGNED
 
-    def _compare_diameter(self, tool: CamTool, entry: Tool) -> None:
-        if abs(tool.diameter - entry.diameter) > _SAME_DIAMETER:
-            text = (
-                f"{tool_words(tool)} has another diameter than the cutter of tool "
-                f"{entry.number} {entry.name} in the cell, {entry.diameter / MM:g} mm"
-            )
-            self._warn("WRD022", text, tool)
-
     def _warn_of_alike(self, entry: dict[int, int]) -> None:
         """Warn of CAM tools that differ by the file itself and are taken for one tool."""
         tools = self.toolpath.tools
         first: dict[int, int] = {}
         for index, place in entry.items():
             one, two = tools[first.setdefault(place, index)], tools[index]
-            if _differ(one, two):
+            named = bool(one.name) and bool(two.name) and cam_key(one.name) != cam_key(two.name)
+            if named or abs(one.diameter - two.diameter) > _SAME_DIAMETER:
                 served = self.cell.tools[place]
                 text = f"{tool_words(one)} and {tool_words(two)} are both taken for tool "
                 text += f"{served.number} {served.name}".rstrip()
@@ -301,16 +294,15 @@ class _Assigner:
             axis = self.cell.axes_of(tool)
             axes = -np.einsum("nij,nj->ni", toolpath.rotations, axis) + 0.0
             toolpath = replace(toolpath, axes=axes)
-        called = {
-            number: tool[event.index]
+        at = {
+            number: event.index
             for number, event in enumerate(toolpath.events)
-            if event.kind is EventKind.TOOL_CHANGE
-            and event.index < len(tool)
-            and tool[event.index] >= 0
+            if event.kind is EventKind.TOOL_CHANGE and event.index < len(tool)
         }
+        called = {number: int(tool[tag]) for number, tag in at.items() if tool[tag] >= 0}
         meant: dict[float, set[int]] = {}
         for number, index in called.items():
-            meant.setdefault(toolpath.events[number].value, set()).add(int(index))
+            meant.setdefault(toolpath.events[number].value, set()).add(index)
         events = tuple(
             replace(event, value=_called_by(self.cell.tools[called[number]]))
             if number in called and (not event.value or len(meant[event.value]) > 1)
@@ -369,17 +361,13 @@ def carried(toolpath: ToolPath, T: FloatArray) -> ToolPath:
     of_arc = np.zeros(len(arcs), dtype=np.int64)
     has_arc = np.asarray(toolpath.arc) >= 0
     of_arc[toolpath.arc[has_arc]] = np.flatnonzero(has_arc)
+    centre, normal = apply(T[of_arc], arcs.centre), np.einsum("nij,nj->ni", R[of_arc], arcs.normal)
     return replace(
         toolpath,
         points=apply(T, toolpath.points),
         axes=np.einsum("nij,nj->ni", R, toolpath.axes),
         rotations=None if rotations is None else R @ rotations,
-        arcs=Arcs(
-            apply(T[of_arc], arcs.centre),
-            np.einsum("nij,nj->ni", R[of_arc], arcs.normal),
-            arcs.radius,
-            arcs.sweep,
-        ),
+        arcs=Arcs(centre, normal, arcs.radius, arcs.sweep),
     )
 
 
@@ -389,12 +377,6 @@ def tool_words(tool: CamTool) -> str:
     name = f" {tool.name}" if tool.name else ""
     size = "" if np.isnan(tool.diameter) else f" (D {tool.diameter / MM:g} mm)"
     return f"{number}{name}{size}"
-
-
-def _differ(one: CamTool, two: CamTool) -> bool:
-    """Return whether two CAM tools have other names or diameters where both have one."""
-    named = bool(one.name) and bool(two.name) and cam_key(one.name) != cam_key(two.name)
-    return named or abs(one.diameter - two.diameter) > _SAME_DIAMETER
 
 
 def _called_by(tool: Tool) -> float:
@@ -420,8 +402,7 @@ def _served_setup(setup: CamSetup, is_assigned: bool, T: FloatArray | None) -> C
 
 def _lost_arcs(toolpath: ToolPath, tool: IntArray, base: IntArray) -> Iterator[Finding]:
     """Yield the arcs that begin where tool or base change: their way has no start."""
-    changes = [low for low, _ in runs(np.stack([tool, base]))][1:]
-    for tag in changes:
+    for tag, _ in runs(np.stack([tool, base]))[1:]:
         if toolpath.kind[tag] == MotionKind.ARC:
             text = "an arc begins where the tool or the base changes"
             hint = "let the CAM system move to the start of the arc after the change"

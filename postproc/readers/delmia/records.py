@@ -33,7 +33,8 @@ class RobotData:
     name: str = ""
     max_speed: float = NAN
     coordinates: str = ""
-    tools: list[str] = field(default_factory=list)
+    tools: dict[str, int] = field(default_factory=dict)
+    """Lines of the tool profiles."""
     motions: dict[str, MotionProfile] = field(default_factory=dict)
     blends: dict[str, float] = field(default_factory=dict)
     """Fly-by distance [m] of the accuracy profiles; 0 = exact stop, NaN = by a share of speed."""

@@ -7,10 +7,12 @@ OLP file has one, and entities are the way to blow up a reader.
 from __future__ import annotations
 
 import re
-from typing import BinaryIO
+from collections.abc import Callable
+from typing import Any, BinaryIO
 
 from lxml import etree
 
+from postproc.arrays import FloatArray
 from postproc.files import open_input
 from postproc.readers.delmia.known import strange
 from postproc.readers.delmia.records import (
@@ -28,7 +30,6 @@ from postproc.readers.delmia.records import (
 from postproc.readers.text import Faults, check_text, parse_number
 from postproc.units import Dimension, unit_named
 
-_BASES = ("percent", "absolute", "time")
 _MOST_BYTES = 1 << 23
 """No part of a file as long as this is without a finished activity or list."""
 _LONG_FILE = 65535
@@ -50,6 +51,10 @@ _SIGNAL_VALUES = {"on": 1, "true": 1, "1": 1, "off": 0, "false": 0, "0": 0}
 _XYZ, _RPY = ("X", "Y", "Z"), ("Roll", "Pitch", "Yaw")
 _TAGS = ("GeneralInfo", "ToolProfileList", "MotionProfileList", "AccuracyProfileList",
          "ObjectFrameProfileList", "Activity", "ActivityList", "Resource")  # fmt: skip
+_SAFE: dict[str, Any] = {
+    "resolve_entities": False, "no_network": True, "load_dtd": False, "huge_tree": False,
+    "remove_comments": True, "remove_pis": True,
+}  # fmt: skip
 
 
 class _Checked:
@@ -94,24 +99,13 @@ def read_document(path: str, faults: Faults) -> Document:
     document = Document()
     with open_input(path) as stream:
         checked = _Checked(stream, faults)
-        events = etree.iterparse(
-            checked,
-            events=("end",),
-            tag=_TAGS,
-            resolve_entities=False,
-            no_network=True,
-            load_dtd=False,
-            huge_tree=False,
-            remove_comments=True,
-            remove_pis=True,
-        )
+        events = etree.iterparse(checked, events=("end",), tag=_TAGS, **_SAFE)
         try:
             _walk(events, checked, document, faults)
         except etree.XMLSyntaxError as problem:
             message = str(problem.msg or problem).split("(<string>")[0]
-            raise faults.error(
-                "DEL001", f"not well-formed XML: {message}", problem.lineno or 1
-            ) from None
+            text = f"not well-formed XML: {message}"
+            raise faults.error("DEL001", text, problem.lineno or 1) from None
     root = events.root
     if root is None or root.tag != _ROOT:
         tag = "nothing" if root is None else str(root.tag)[:40]
@@ -158,15 +152,23 @@ class _ElementReader:
             "Activity": self._activity,
             "ActivityList": self._task,
             "GeneralInfo": self._general,
-            "ToolProfileList": self._tools,
-            "MotionProfileList": self._motions,
-            "AccuracyProfileList": self._accuracies,
-            "ObjectFrameProfileList": self._objects,
             "Resource": self._resource,
-        }[str(element.tag)]
+        }.get(str(element.tag), self._profiles)
         if element.tag != "Activity" or not self._is_other(element):
             _note_strange(self._document, element)
         handler(element)
+
+    def _profiles(self, element: etree._Element) -> None:
+        """Take the profiles of one kind by their names."""
+        kind, robot = str(element.tag).removesuffix("List"), self._robot
+        known: dict[str, tuple[dict[str, Any], Callable[[etree._Element], Any]]] = {
+            "ToolProfile": (robot.tools, _line),
+            "MotionProfile": (robot.motions, self._speed),
+            "AccuracyProfile": (robot.blends, self._blend),
+            "ObjectFrameProfile": (robot.objects, self._object),
+        }
+        named, read = known[kind]
+        named |= {_text(profile.find("Name")): read(profile) for profile in element.iter(kind)}
 
     def _general(self, element: etree._Element) -> None:
         self._robot.name = _text(element.find("ResourceName"))
@@ -175,16 +177,9 @@ class _ElementReader:
         if speed is not None and _text(speed):
             self._robot.max_speed = self._positive(_text(speed), speed, Dimension.SPEED)
 
-    def _tools(self, element: etree._Element) -> None:
-        self._robot.tools = [_text(profile.find("Name")) for profile in element.iter("ToolProfile")]
-
-    def _motions(self, element: etree._Element) -> None:
-        for profile in element.iter("MotionProfile"):
-            self._robot.motions[_text(profile.find("Name"))] = self._speed(profile)
-
     def _speed(self, profile: etree._Element) -> MotionProfile:
         """Return the speed of a motion profile; its unit says of what kind it is."""
-        basis = self._choice(profile, "MotionBasis", _BASES)
+        basis = self._choice(profile, "MotionBasis", ("percent", "absolute", "time"))
         if basis == "time":
             return MotionProfile(is_timed=True)
         speed = self._child(profile, "Speed")
@@ -194,12 +189,8 @@ class _ElementReader:
             return MotionProfile(speed=self._positive(value, speed, Dimension.SPEED))
         share = self._positive(value, speed, Dimension.SHARE)
         if share > 1.0:
-            raise self._faults.error("DEL004", "Speed is above 100 %", _line(speed), value)
+            raise self._wrong("Speed is above 100 %", speed, value)
         return MotionProfile(share=share)
-
-    def _accuracies(self, element: etree._Element) -> None:
-        for profile in element.iter("AccuracyProfile"):
-            self._robot.blends[_text(profile.find("Name"))] = self._blend(profile)
 
     def _blend(self, profile: etree._Element) -> float:
         """Return the fly-by distance [m] of an accuracy profile, 0 without one, NaN by speed."""
@@ -211,28 +202,23 @@ class _ElementReader:
         size *= self._unit(value, Dimension.LENGTH if kind == "distance" else Dimension.SHARE)
         if not 0.0 <= size < _WIDEST:
             text = f"AccuracyValue is not from 0 to {_WIDEST:g} m or 100 %"
-            raise self._faults.error("DEL004", text, _line(value), value.get("Value", ""))
+            raise self._wrong(text, value, value.get("Value", ""))
         return size if kind == "distance" or size == 0.0 else NAN
 
-    def _objects(self, element: etree._Element) -> None:
-        for profile in element.iter("ObjectFrameProfile"):
-            frame = profile.find("ObjectFrame")
-            if frame is None:
-                raise self._missing("ObjectFrame", profile)
-            xyz = self._three(self._child(frame, "ObjectFramePosition"), Dimension.LENGTH, _XYZ)
-            rpy = self._three(self._child(frame, "ObjectFrameOrientation"), Dimension.ANGLE, _RPY)
-            reference = frame.get("ReferenceFrame", "World")
-            self._robot.objects[_text(profile.find("Name"))] = (reference, pose(xyz, rpy))
+    def _object(self, profile: etree._Element) -> tuple[str, FloatArray]:
+        """Return the reference frame and the pose of an object frame profile."""
+        frame = self._child(profile, "ObjectFrame")
+        xyz = self._three(self._child(frame, "ObjectFramePosition"), Dimension.LENGTH, _XYZ)
+        rpy = self._three(self._child(frame, "ObjectFrameOrientation"), Dimension.ANGLE, _RPY)
+        return frame.get("ReferenceFrame", "World"), pose(xyz, rpy)
 
     def _resource(self, element: etree._Element) -> None:
         if self._has_tasks:
-            if self._document.robot.name or self._document.robot.objects:
-                raise self._faults.error(
-                    "DEL014",
-                    f"tasks of two robots, {self._document.robot.name!r} and {self._robot.name!r}",
-                    _line(element),
-                    hint="export one robot's tasks to a file",
-                )
+            other = self._document.robot
+            if other.name or other.objects:
+                text = f"tasks of two robots, {other.name!r} and {self._robot.name!r}"
+                hint = "export one robot's tasks to a file"
+                raise self._faults.error("DEL014", text, _line(element), hint=hint)
             self._document.robot = self._robot
         self._robot, self._has_tasks = RobotData(), False
 
@@ -296,10 +282,7 @@ class _ElementReader:
         return ""
 
     def _motion(self, element: etree._Element, target: etree._Element) -> Motion:
-        listed = element.find("MotionAttributes")
-        attributes: dict[str, str] = {}
-        if listed is not None:
-            attributes = {str(child.tag): _text(child) for child in listed}
+        told = {str(child.tag): _text(child) for child in element.iterfind("MotionAttributes/*")}
         base = target.find("BaseWRTWorld")
         xyz = rpy = (NAN, NAN, NAN)
         tag = group = ""
@@ -314,12 +297,12 @@ class _ElementReader:
             line=_line(element),
             name=tag or element.get("Operation", "") or _text(element.find("ActivityName")),
             group=group,
-            kind=attributes.get("MotionType", ""),
+            kind=told.get("MotionType", ""),
             via=target.get("ViaPoint", "false").lower() == "true",
-            motion_profile=attributes.get("MotionProfile", ""),
-            tool_profile=attributes.get("ToolProfile", ""),
-            accuracy_profile=attributes.get("AccuracyProfile", ""),
-            object_profile=attributes.get("ObjectFrameProfile", ""),
+            motion_profile=told.get("MotionProfile", ""),
+            tool_profile=told.get("ToolProfile", ""),
+            accuracy_profile=told.get("AccuracyProfile", ""),
+            object_profile=told.get("ObjectFrameProfile", ""),
             xyz=xyz,
             rpy=rpy,
             base=self._base(base) if base is not None else (0.0,) * 6,
@@ -366,17 +349,13 @@ class _ElementReader:
     def _number(self, text: str, element: etree._Element) -> float:
         value = parse_number(text)
         if value is None or abs(value) > _FARTHEST:
-            raise self._faults.error(
-                "DEL004", f"{element.tag} needs a number, not", _line(element), text or "nothing"
-            )
+            raise self._wrong(f"{element.tag} needs a number, not", element, text or "nothing")
         return value
 
     def _positive(self, text: str, element: etree._Element, dimension: Dimension) -> float:
         value = self._number(text, element) * self._unit(element, dimension)
         if not value > 0.0:
-            raise self._faults.error(
-                "DEL004", f"{element.tag} is not above zero", _line(element), text
-            )
+            raise self._wrong(f"{element.tag} is not above zero", element, text)
         return value
 
     def _choice(self, element: etree._Element, tag: str, known: tuple[str, ...]) -> str:
@@ -384,8 +363,7 @@ class _ElementReader:
         child = self._child(element, tag)
         word = _text(child).lower()
         if word not in known:
-            text = f"{tag} is none of {', '.join(known)}"
-            raise self._faults.error("DEL004", text, _line(child), word or "nothing")
+            raise self._wrong(f"{tag} is none of {', '.join(known)}", child, word or "nothing")
         return word
 
     def _unit(self, element: etree._Element, *dimensions: Dimension) -> float:
@@ -394,7 +372,7 @@ class _ElementReader:
         if unit is None or unit.dimension not in dimensions:
             expected = " or ".join(dimensions)
             text = f"{element.tag} has Units {name[:20]!r}, expected one of {expected}"
-            raise self._faults.error("DEL004", text, _line(element))
+            raise self._wrong(text, element)
         return unit.factor
 
     def _child(self, element: etree._Element, tag: str) -> etree._Element:
@@ -402,6 +380,9 @@ class _ElementReader:
         if child is None:
             raise self._missing(tag, element)
         return child
+
+    def _wrong(self, message: str, element: etree._Element, found: str = "") -> Exception:
+        return self._faults.error("DEL004", message, _line(element), found)
 
     def _missing(self, tag: str, element: etree._Element) -> Exception:
         return self._faults.error("DEL005", f"{element.tag} without {tag}", _line(element))
