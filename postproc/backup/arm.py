@@ -58,9 +58,8 @@ def limits_of(machine: Machine, robot: Robot | None) -> tuple[list[list[float]],
             return [], [f"A{axis + 1}: neither the controller nor a source gives limits"]
         low, high = max(p[0] for p in known), min(p[1] for p in known)
         if soft is None:
-            remarks.append(
-                f"A{axis + 1}: the controller has no usable soft limits, these are the arm's"
-            )
+            text = f"A{axis + 1}: the controller has no usable soft limits, these are the arm's"
+            remarks.append(text)
         elif low >= high:
             low, high = own or soft
             remarks.append(f"A{axis + 1}: {soft[0]:g} to {soft[1]:g} of the controller lie outside")

@@ -150,9 +150,8 @@ def load_overrides(path: str) -> Overrides:
     rules = []
     entries = toml.data.get("input", [])
     if not isinstance(entries, list):
-        raise DataError(
-            "BAT003", f"input is no list of tables, {expected}", toml.source(("input",))
-        )
+        text = f"input is no list of tables, {expected}"
+        raise DataError("BAT003", text, toml.source(("input",)))
     for number, rule in enumerate(entries):
         place: Location = ("input", number)
         options = _checked(rule, toml, place, {"match"})

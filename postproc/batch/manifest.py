@@ -177,13 +177,11 @@ def folder_lock(folder: Path) -> Iterator[None]:
         folder.mkdir(parents=True, exist_ok=True)
         lock = FileLock(path, blocking=False).acquire().lock
     except Timeout:
-        raise DataError(
-            "BAT011", f"a batch already runs here: {_owner(path)}", SourceRef(str(folder))
-        ) from None
+        text = f"a batch already runs here: {_owner(path)}"
+        raise DataError("BAT011", text, SourceRef(str(folder))) from None
     except OSError as problem:
-        raise DataError(
-            "BAT012", f"cannot be written: {problem.strerror}", SourceRef(str(folder))
-        ) from None
+        text = f"cannot be written: {problem.strerror}"
+        raise DataError("BAT012", text, SourceRef(str(folder))) from None
     with suppress(OSError):  # some systems let nobody write a locked file
         path.write_text(f"pid {os.getpid()}, since {time.strftime('%Y-%m-%d %H:%M:%S')}\n", "ascii")
     try:

@@ -258,11 +258,10 @@ def caller_program(request: ConvertRequest, sections: Sequence[str]) -> Program:
     cell = request.cell_with_keys()
     program = emitter_of(cell).caller(str(request.name), sections)
     if program is None:
-        raise DataError(
-            "BAT042",
-            f"the emitter {cell.krl.emitter!r} has no program that runs others, needed by --split",
-            SourceRef(cell.path),
+        text = (
+            f"the emitter {cell.krl.emitter!r} has no program that runs others, needed by --split"
         )
+        raise DataError("BAT042", text, SourceRef(cell.path))
     return program
 
 

@@ -192,13 +192,12 @@ class Tool:
             CellError: CEL031 if the cell does not say it: no job can use this tool.
         """
         if self.known_axis is None:
-            raise CellError(
-                "CEL031",
+            text = (
                 f"tool {self.number} {self.name!r} has no axis, expected the TCP axis that "
-                "points into the part",
-                self.source,
-                'add axis = "+z", or the axis that is right on the robot',
+                "points into the part"
             )
+            hint = 'add axis = "+z", or the axis that is right on the robot'
+            raise CellError("CEL031", text, self.source, hint)
         return self.known_axis
 
 

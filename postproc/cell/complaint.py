@@ -38,9 +38,8 @@ def _explain(toml: TomlText, detail: ErrorDetails) -> CellError:
         return _unknown_key(toml, location)
     if detail["type"] == "missing":
         table = dotted(location[:-1]) or "the file"
-        return CellError(
-            "CEL003", f"{table}: key {location[-1]!r} is missing", toml.source(location[:-1])
-        )
+        text = f"{table}: key {location[-1]!r} is missing"
+        return CellError("CEL003", text, toml.source(location[:-1]))
     known = location
     while known and known not in toml.lines:
         known = known[:-1]

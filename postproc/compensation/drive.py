@@ -120,12 +120,11 @@ def _standing(paths: Paths, cell: Cell) -> None:
     moves = np.any(np.abs(np.diff(paths.external, axis=0)) > ROUNDING, axis=1)
     at = np.flatnonzero(moves & paths.trace.is_cp[1:])
     if len(at):
-        raise EmitError(
-            "CMP008",
+        text = (
             f"external axes move in {len(at)} path motions: effects that a trace has shown can be "
-            "followed with external axes that stand only",
-            SourceRef(cell.path),
+            "followed with external axes that stand only"
         )
+        raise EmitError("CMP008", text, SourceRef(cell.path))
 
 
 def _carried(kinematics: Kinematics, q: FloatArray, tool: FloatArray) -> FloatArray:
@@ -200,15 +199,13 @@ def run_of(plan: Plan, cell: Cell, kinematics: Kinematics) -> tuple[Paths, IntAr
     with EMITTERS.blame(cell.krl.emitter):
         paths = emitter_of(cell).paths(plan, cell, kinematics)
     if paths is None:
-        raise EmitError(
-            "CMP007",
+        text = (
             f"the emitter {cell.krl.emitter!r} does not know how the joints move between the "
-            "points: effects that follow the motion cannot be compensated",
-            SourceRef(cell.path),
+            "points: effects that follow the motion cannot be compensated"
         )
+        raise EmitError("CMP007", text, SourceRef(cell.path))
     motion = motions_of(plan, paths.trace.is_cp, paths.q)
     if motion is None:
-        raise EmitError(
-            "CMP004", "the program is not that of the plan", SourceRef(plan.toolpath.path)
-        )
+        text = "the program is not that of the plan"
+        raise EmitError("CMP004", text, SourceRef(plan.toolpath.path))
     return paths, motion

@@ -354,9 +354,8 @@ class Interpreter:
         found = self._resolve(name)
         if name == "BAS":
             if found is not None and found[0].name.upper() != name:
-                self.unjudged(
-                    name, "BAS is a routine of these files: KUKA's own is what is checked"
-                )
+                text = "BAS is a routine of these files: KUKA's own is what is checked"
+                self.unjudged(name, text)
             self._bas(statement)
             return
         nodes = tuple(_node(value) for value in statement.arguments)

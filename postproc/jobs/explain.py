@@ -67,9 +67,8 @@ def _effect(name: str) -> Entry | None:
     if name not in EFFECTS:
         return None
     effect = EFFECTS.get(name)
-    return Entry(
-        name, effect.title, f"an effect that diagnose tries: {effect.source}", effect.action
-    )
+    text = f"an effect that diagnose tries: {effect.source}"
+    return Entry(name, effect.title, text, effect.action)
 
 
 def explain_document(entry: Entry) -> dict[str, Any]:

@@ -187,13 +187,12 @@ def _check_call(cell: Cell, box: Sequence[float] | None, free: str, move: str) -
         raise CellError("CEL043", text, SourceRef(cell.path), "--move robot moves the robot")
     if box is None:
         if not any(base.meshes for base in cell.bases):
-            raise UsageError(
-                "CLI016",
-                "no --box, and no workpiece solid to keep it off the robot",
-                SourceRef(cell.path),
+            text = "no --box, and no workpiece solid to keep it off the robot"
+            hint = (
                 "give --box X0 Y0 Z0 X1 Y1 Z1, where the origin of the part may be, or add "
-                "meshes to the workpiece",
+                "meshes to the workpiece"
             )
+            raise UsageError("CLI016", text, SourceRef(cell.path), hint)
         return
     low, high = np.reshape(np.array(box, dtype=np.float64), (2, 3))
     if not np.isfinite([low, high]).all() or (low > high).any():

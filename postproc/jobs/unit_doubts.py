@@ -50,12 +50,11 @@ def check_units(toolpath: ToolPath, cell: Cell) -> None:
         for unit in _OTHERS:
             scale = SINGLE[unit].factor / SINGLE["mm"].factor
             if fits(assigned.toolpath, tags, here, scale):
-                raise ReadError(
-                    "CNV013",
-                    f"the file gives no unit of length; in mm no tag is {what}, in {unit} all are",
-                    toolpath.source(int(tags[0])),
-                    hint=f"--units {unit}, or --units mm if mm is right",
+                text = (
+                    f"the file gives no unit of length; in mm no tag is {what}, in {unit} all are"
                 )
+                hint = f"--units {unit}, or --units mm if mm is right"
+                raise ReadError("CNV013", text, toolpath.source(int(tags[0])), hint=hint)
 
 
 def _reached(toolpath: ToolPath, tags: IndexArray, cell: Cell, scale: float) -> bool | None:

@@ -63,13 +63,12 @@ def workpiece_place(
             least = round(margin(places[index], whole=True) / DEG, 3)
             return {**frame_document(places[index]), "margin_deg": least, "tags": len(points)}
     size = np.ptp(points, axis=0) / MM
-    raise CellError(
-        "CEL016",
+    text = (
         f"no place was found where {cell.robot.name} reaches all {len(points)} tags of "
-        f"{size[0]:.0f} x {size[1]:.0f} x {size[2]:.0f} mm",
-        where,
-        "take a larger arm, or another tool frame; several setups need a place each",
+        f"{size[0]:.0f} x {size[1]:.0f} x {size[2]:.0f} mm"
     )
+    hint = "take a larger arm, or another tool frame; several setups need a place each"
+    raise CellError("CEL016", text, where, hint)
 
 
 def _shifts() -> Iterator[FloatArray]:

@@ -130,15 +130,14 @@ def _made_twice(toolpath: ToolPath) -> list[Finding]:
     tags = np.flatnonzero(into & cut & same & (along > TINY)) + 1
     if not len(tags):
         return []
+    text = (
+        f"the unit feeds, but {len(tags)} feed moves go into the part along the tool axis: "
+        f"lines {listed(toolpath.line[tags].tolist())}"
+    )
+    hint = 'post the holes as drill cycles, or set [process] feed_by = "robot"'
     return [
         Finding(
-            Severity.ERROR,
-            "PRC010",
-            f"the unit feeds, but {len(tags)} feed moves go into the part along the tool axis: "
-            f"lines {listed(toolpath.line[tags].tolist())}",
-            int(tags[0]),
-            toolpath.source(int(tags[0])),
-            hint='post the holes as drill cycles, or set [process] feed_by = "robot"',
+            Severity.ERROR, "PRC010", text, int(tags[0]), toolpath.source(int(tags[0])), hint=hint
         )
     ]
 

@@ -192,9 +192,8 @@ def _read(name: str, options: ReadOptions) -> ToolPath:
     with READERS.blame(chosen):
         toolpath = reader.read(name, options).accepting(options.accept_words)
     if len(toolpath) == 0:
-        raise ReadError(
-            "IO014", "no motion in this file, expected at least one point", SourceRef(name)
-        )
+        text = "no motion in this file, expected at least one point"
+        raise ReadError("IO014", text, SourceRef(name))
     if left_out:
         return replace(toolpath, warnings=(*left_out, *toolpath.warnings))
     return toolpath

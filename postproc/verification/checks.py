@@ -104,13 +104,12 @@ def _limits(run: Run, q: FloatArray, motion: AnyIntArray) -> Iterator[Said]:
             continue
         count = len(np.unique(motion[bad]))
         what = "beyond its limit" if least < 0.0 else "closer to its limit than the margin"
-        yield Remark(
-            RunKind.JOINT_LIMIT,
-            int(motion[row]),
+        text = (
             f"A{axis + 1} at {q[row, axis] / DEG:.3f} deg is {what} "
             f"[{low[axis] / DEG:g}, {high[axis] / DEG:g}] with "
-            f"{cell.limits.joint_margin / DEG:g} deg, {count} motions",
+            f"{cell.limits.joint_margin / DEG:g} deg, {count} motions"
         )
+        yield Remark(RunKind.JOINT_LIMIT, int(motion[row]), text)
 
 
 def _ways_home(run: Run, q: FloatArray, motion: AnyIntArray) -> tuple[BoolArray, FloatArray]:
@@ -133,12 +132,11 @@ def _singularities(run: Run, q: FloatArray, motion: AnyIntArray) -> Iterator[Sai
     yield Measure("wrist_singularity", float(wrist[row] / DEG), "deg", int(motion[row]), "A5")
     bad = wrist < cell.limits.singularity - SLACK
     if bad.any():
-        yield Remark(
-            RunKind.SINGULARITY,
-            int(motion[row]),
+        text = (
             f"A5 comes within {wrist[row] / DEG:.3f} deg of the straight wrist, expected at least "
-            f"{cell.limits.singularity / DEG:g} deg, {len(np.unique(motion[bad]))} motions",
+            f"{cell.limits.singularity / DEG:g} deg, {len(np.unique(motion[bad]))} motions"
         )
+        yield Remark(RunKind.SINGULARITY, int(motion[row]), text)
     elbow = elbow_distance(kinematics, q)
     row = int(elbow.argmin())
     yield Measure("stretched_arm", float(elbow[row] / DEG), "deg", int(motion[row]), "A3")

@@ -106,9 +106,8 @@ class Process(Options):
         elif start is None and self.spindle_turns:
             start = SpindleStart.PROGRAM
         if self.spindle_turns and start is not SpindleStart.PROGRAM:
-            raise ValueError(
-                'spindle_rpm: the program starts no spindle but with spindle = "program"'
-            )
+            text = 'spindle_rpm: the program starts no spindle but with spindle = "program"'
+            raise ValueError(text)
         return replace(self, spindle=start)
 
     @property

@@ -33,9 +33,8 @@ def ask(options: dict[str, Any], propose: Callable[[], bool], free_home: Callabl
         question = "TCP axis that points out of the tool into the part"
         options["tool_axis"] = click.prompt(question, "+z", type=choice, err=True)
     if options["tool_mass"] is None:
-        mass = click.prompt(
-            "Mass of the tool [kg], 0 = not known", 0.0, type=cli.NOT_NEGATIVE, err=True
-        )
+        text = "Mass of the tool [kg], 0 = not known"
+        mass = click.prompt(text, 0.0, type=cli.NOT_NEGATIVE, err=True)
         options["tool_mass"] = mass or None
     _put(options, "tool_number", "TOOL number on the controller", "1", int)
     _files(options, "tool_mesh", "Mesh of the tool in the flange")

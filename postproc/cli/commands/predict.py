@@ -49,7 +49,6 @@ def command(session: cli.Session, /, **options: Any) -> int:  # noqa: ANN401 - c
             "remarks": [remark.entry() for remark in prediction.remarks],
         }
     )
-    session.show(
-        f"{len(rows)} points; the measured ones lie {prediction.rms * 1e3:.4f} mm off (rms)"
-    )
+    text = f"{len(rows)} points; the measured ones lie {prediction.rms * 1e3:.4f} mm off (rms)"
+    session.show(text)
     return cli.answer(True)

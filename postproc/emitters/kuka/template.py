@@ -161,9 +161,8 @@ class TemplateSet:
         own = builtin / self.template if is_name else Path(self.template)
         if not own.is_dir():
             known = ", ".join(sorted(p.name for p in builtin.iterdir() if p.is_dir()))
-            raise EmitError(
-                "EMT330", f"no template folder {self.template!r}, built-in is {known}", self.source
-            )
+            text = f"no template folder {self.template!r}, built-in is {known}"
+            raise EmitError("EMT330", text, self.source)
         return (default,) if own == default else (own, default)
 
     @cached_property

@@ -83,9 +83,8 @@ class Subject:
         """Yield one note for every code and file with more findings than are listed."""
         for (code, path), count in self._counts.items():
             if count > _SHOWN:
-                yield Finding(
-                    NOTE, code, f"{count - _SHOWN} more findings of {code}", source=SourceRef(path)
-                )
+                text = f"{count - _SHOWN} more findings of {code}"
+                yield Finding(NOTE, code, text, source=SourceRef(path))
 
     def each(self, part: Part, check: Callable[[krl.Statement], None]) -> None:
         """Check what is telling in a routine, statement by statement.

@@ -67,9 +67,8 @@ def arcs_between(
     """
     missing = np.flatnonzero(np.isnan(starts).any(axis=1))
     if len(missing):
-        raise faults.error(
-            "APT036", "an arc with no point before it to start from", int(records.line[missing[0]])
-        )
+        text = "an arc with no point before it to start from"
+        raise faults.error("APT036", text, int(records.line[missing[0]]))
     normal = _unit_normals(records, starts, faults)
     to_start = _in_plane(starts - records.centre, normal)
     to_end = _in_plane(ends - records.centre, normal)
@@ -146,9 +145,8 @@ def _unit_normals(records: ArcRecords, starts: FloatArray, faults: Faults) -> Fl
     length = np.linalg.norm(normal, axis=1)
     bad = np.flatnonzero(~(length > 0.0))
     if len(bad):
-        raise faults.error(
-            "APT037", "an arc without a plane: its vector is zero", int(records.line[bad[0]])
-        )
+        text = "an arc without a plane: its vector is zero"
+        raise faults.error("APT037", text, int(records.line[bad[0]]))
     unit: FloatArray = normal / length[:, None] + 0.0
     return unit
 

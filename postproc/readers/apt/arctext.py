@@ -70,10 +70,8 @@ def numbers_of(
     for arg in rest:
         value = bounded(arg)
         if value is None:
-            raise at.error(
-                "APT022",
-                f"{statement.word} has {arg[:20]!r} where a number of at most 1e9 was expected",
-            )
+            text = f"{statement.word} has {arg[:20]!r} where a number of at most 1e9 was expected"
+            raise at.error("APT022", text)
         values.append(value)
     return values
 

@@ -223,9 +223,8 @@ def _begin(
     depth = _depth(state, found, signed)
     cycle = _cycle(state, kind, depth, found)
     if cycle.repeat > 1:
-        state.refuse(
-            "CYCLE/REPEAT", WordClass.PROCESS, f"each hole is to be made {cycle.repeat} times"
-        )
+        text = f"each hole is to be made {cycle.repeat} times"
+        state.refuse("CYCLE/REPEAT", WordClass.PROCESS, text)
     heights = _heights(state, depth, found, signed)
     if not heights.needs_level:
         cycle = _levelled(state, cycle, heights)

@@ -105,9 +105,8 @@ def _by_words(state: AptState, words: tuple[str, ...]) -> Found:
         if bounded(word) is None:
             _minor(state, found, word, tokens)
         else:
-            raise state.error(
-                "APT044", f"drill cycle: {word[:20]!r} where a minor word was expected"
-            )
+            text = f"drill cycle: {word[:20]!r} where a minor word was expected"
+            raise state.error("APT044", text)
     return _countersunk(state, found, words[0])
 
 

@@ -104,9 +104,8 @@ def _feed_words(state: AptState, statement: Statement) -> tuple[float | None, st
         elif word in _FEED_REFUSED:
             state.refuse(f"FEDRAT/{word}", WordClass.PROCESS, _FEED_REFUSED[word])
         elif word and not _goes_with(statement.upper, number):
-            raise state.error(
-                "APT051", f"FEDRAT has {word[:20]!r}, expected a number and a unit such as MMPM"
-            )
+            text = f"FEDRAT has {word[:20]!r}, expected a number and a unit such as MMPM"
+            raise state.error("APT051", text)
     return value, unit
 
 

@@ -106,9 +106,8 @@ def _with_splines(state: AptState, table: Tags) -> tuple[Tags, IndexArray]:
             current = _end_point(table, state.cycles, spline.tag - 1)
         at = spline.tag
         if current is None:
-            raise state.faults.error(
-                "APT083", "a NURBS with no point before it to start from", spline.line
-            )
+            text = "a NURBS with no point before it to start from"
+            raise state.faults.error("APT083", text, spline.line)
         points = discretised(spline, current, state.options.chord_tolerance)
         if points is None:
             text = f"a NURBS takes more than {MOST_SEGMENTS} straight pieces within the chord "
@@ -287,9 +286,8 @@ def _units_of(data: bytes, dialect: Dialect, options: ReadOptions, faults: Fault
         if name is None:
             raise faults.error("APT012", "unknown unit of length", line, text)
         if options.units not in (None, name):
-            raise faults.error(
-                "APT013", f"the file is in {name}, but --units says {options.units}", line
-            )
+            text = f"the file is in {name}, but --units says {options.units}"
+            raise faults.error("APT013", text, line)
         return name
     if options.units is not None:
         return options.units

@@ -47,13 +47,12 @@ def origin_statement(state: AptState, statement: Statement) -> None:
     if not any(numbers[:3]) and np.array_equal(R, np.eye(3)):
         state.note("ORIGIN", WordClass.COORDINATES, "the origin is that of the points")
     elif not state.dialect.origin_moves:
-        state.refuse(
-            "ORIGIN",
-            WordClass.COORDINATES,
+        text = (
             "CATIA adds it to the points, PostWorks subtracts it, HSMWorks only names it; the "
-            "points are taken as they stand",
-            "--dialect catia if the points are to be moved by it",
+            "points are taken as they stand"
         )
+        hint = "--dialect catia if the points are to be moved by it"
+        state.refuse("ORIGIN", WordClass.COORDINATES, text, hint)
         return
     origin = np.array(numbers[:3]) * state.scale
     state.set_frame(R, origin)

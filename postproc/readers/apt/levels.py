@@ -143,9 +143,8 @@ def _refuse_unknown(state: AptState, number: int, said: ByTurns) -> None:
             reason = "the cycle has a feed per turn, and no spindle speed is known at its holes"
             state.uses.refuse("FEDRAT", WordClass.PROCESS, line, reason)
         if not isnan(said.dwell):
-            state.uses.refuse(
-                "CYCLE/DWELL", WordClass.PROCESS, line, "a dwell in turns without a spindle speed"
-            )
+            text = "a dwell in turns without a spindle speed"
+            state.uses.refuse("CYCLE/DWELL", WordClass.PROCESS, line, text)
 
 
 def _last_turns(state: AptState, count: int) -> FloatArray:

@@ -97,9 +97,8 @@ class MotionReader(AtLine):
     def finish(self) -> None:
         """Check that no arc waits for a point that never came."""
         if self._pending is not None:
-            raise self.faults.error(
-                "APT030", "an arc has no end point: no GOTO follows", int(self._pending.line[0])
-            )
+            text = "an arc has no end point: no GOTO follows"
+            raise self.faults.error("APT030", text, int(self._pending.line[0]))
 
     def _take(self, index: int, statement: Statement) -> bool:
         """Handle a motion statement that the bulk did not take; False for any other word."""
@@ -194,9 +193,8 @@ class MotionReader(AtLine):
         elif len(numbers) == len(values) == 4 and normal is None:
             self._clearance = numbers
         else:
-            self.refuse(
-                statement.word, WordClass.GEOMETRY, "a clearance plane that is not understood"
-            )
+            text = "a clearance plane that is not understood"
+            self.refuse(statement.word, WordClass.GEOMETRY, text)
         return self._skip(index, statement)
 
     def _retract(self, index: int, statement: Statement) -> bool:
@@ -325,9 +323,8 @@ class MotionReader(AtLine):
             arcs = ArcRecords.concat([first, arcs])
         double = np.flatnonzero(np.diff(arcs.tag) == 0)
         if len(double):
-            raise self.faults.error(
-                "APT035", "two arcs without a GOTO between them", int(arcs.line[double[0] + 1])
-            )
+            text = "two arcs without a GOTO between them"
+            raise self.faults.error("APT035", text, int(arcs.line[double[0] + 1]))
         waits = arcs.tag == len(motions.lines)
         self._pending = arcs.rows(np.flatnonzero(waits)) if waits.any() else None
         motions.arcs = arcs.rows(np.flatnonzero(~waits))

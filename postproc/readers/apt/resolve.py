@@ -28,9 +28,8 @@ def resolve_points(
     for i in sorted({*relative, *motions.lifted, *motions.written}):
         before = points[i - 1, :3] if i > 0 else last
         if before is None:
-            raise faults.error(
-                "APT025", "a motion with no point before it to start from", int(lines[i])
-            )
+            text = "a motion with no point before it to start from"
+            raise faults.error("APT025", text, int(lines[i]))
         start = before[:3]
         arc = motions.written.get(i)
         if arc is not None and arc.towards is not None:

@@ -66,9 +66,8 @@ class TiltedTable:
         if self.tilt_axis is not None and not np.array_equal(self.R, np.eye(3)):
             gap = float(np.linalg.norm(self.R[:, 2] - self.tilt_axis))
             if gap > _TILT_GAP:
-                raise faults.error(
-                    "APT061", "ROTABL and TLAXIS do not give the same tool axis", self._line
-                )
+                text = "ROTABL and TLAXIS do not give the same tool axis"
+                raise faults.error("APT061", text, self._line)
         self._line = 0
 
 
@@ -158,9 +157,8 @@ class MatrixComment:
     def check_closed(self, faults: Faults) -> None:
         """Complain if a statement comes before the third row."""
         if self._line:
-            raise faults.error(
-                "APT064", "$$*CATIA0 is not followed by a 3x4 matrix in comments", self._line
-            )
+            text = "$$*CATIA0 is not followed by a 3x4 matrix in comments"
+            raise faults.error("APT064", text, self._line)
 
 
 NO_NUMBER = 0

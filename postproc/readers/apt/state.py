@@ -320,6 +320,5 @@ class AptState(AtLine):
             )
         rapid = np.flatnonzero(motions.rapid[arcs.tag])
         if len(rapid):
-            self.faults.warn(
-                "APT130", "RAPID before an arc: the arc is run at feed", int(arcs.line[rapid[0]])
-            )
+            text = "RAPID before an arc: the arc is run at feed"
+            self.faults.warn("APT130", text, int(arcs.line[rapid[0]]))

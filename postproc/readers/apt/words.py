@@ -315,18 +315,16 @@ def _go_home(state: AptState, statement: Statement) -> None:
         refuse(state, statement, WordClass.GEOMETRY, what, statement.upper[0])
         return
     state.homes.append((state.tag, state.line))
-    state.warn(
-        "APT121", "GOHOME is the machine tool's home and is not driven; the robot has its own"
-    )
+    text = "GOHOME is the machine tool's home and is not driven; the robot has its own"
+    state.warn("APT121", text)
 
 
 def check_homes(state: AptState) -> None:
     """Refuse homes between two motions: only at an end the robot goes to its own."""
     for tag, line in state.homes:
         if 0 < tag < state.done:
-            state.uses.refuse(
-                "GOHOME", WordClass.GEOMETRY, line, "a home between two motions is not driven"
-            )
+            text = "a home between two motions is not driven"
+            state.uses.refuse("GOHOME", WordClass.GEOMETRY, line, text)
 
 
 def _named_operation(state: AptState, statement: Statement) -> None:

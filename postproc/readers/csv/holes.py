@@ -66,9 +66,8 @@ def _named_kinds(motion: list[str], line: IntArray, faults: Faults) -> IntArray:
     unknown = [text for text in kinds if text and kinds[text] == NONE]
     if unknown:
         row = next(i for i, text in enumerate(motion) if text in unknown)
-        raise faults.error(
-            "CSV031", "unknown motion, expected rapid, linear or hole", int(line[row]), motion[row]
-        )
+        text = "unknown motion, expected rapid, linear or hole"
+        raise faults.error("CSV031", text, int(line[row]), motion[row])
     return np.array([kinds[text] for text in motion], dtype=np.int32)
 
 

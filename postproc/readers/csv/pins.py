@@ -61,7 +61,6 @@ def _pin(cells: list[str], source: SourceRef) -> Pin:
     except ValueError:
         value = math.nan
     if not abs(value) <= _LARGEST:
-        raise DataError(
-            "PIN004", f"spin_deg is {cells[1][:40]!r}, expected a number from -360 to 360", source
-        )
+        text = f"spin_deg is {cells[1][:40]!r}, expected a number from -360 to 360"
+        raise DataError("PIN004", text, source)
     return Pin(cells[0], value, source)

@@ -317,9 +317,8 @@ def _feeds(data: Columns, turns: FloatArray | None, kind: IntArray, faults: Faul
     wrong = np.flatnonzero(feed <= 0.0)
     if len(wrong):
         here = int(data.line[wrong[0]])
-        raise faults.error(
-            "CSV034", "a feed, and the turns that one is per, must be above zero", here
-        )
+        text = "a feed, and the turns that one is per, must be above zero"
+        raise faults.error("CSV034", text, here)
     feed[kind == MotionKind.RAPID] = np.nan
     return feed
 

@@ -167,16 +167,14 @@ def merged_repeats(
     far = np.flatnonzero(gap > SPREAD)
     if len(far):
         row = int(far[0])
-        raise faults.error(
-            "CSV040",
+        text = (
             f"{names[row]!r} stands for two points {gap[row] / MM:.3f} mm apart, "
-            f"the other in line {line[first[group[row]]]}",
-            int(line[row]),
-            hint="give each point its own name; rows within 1 mm count as repeated measurements",
+            f"the other in line {line[first[group[row]]]}"
         )
-    faults.warn(
-        "CSV140",
-        f"{len(names) - len(index)} rows repeat a name: repeated measurements, their mean is taken",
-        int(line[np.setdiff1d(np.arange(len(names)), first)[0]]),
+        hint = "give each point its own name; rows within 1 mm count as repeated measurements"
+        raise faults.error("CSV040", text, int(line[row]), hint=hint)
+    text = (
+        f"{len(names) - len(index)} rows repeat a name: repeated measurements, their mean is taken"
     )
+    faults.warn("CSV140", text, int(line[np.setdiff1d(np.arange(len(names)), first)[0]]))
     return mean, first

@@ -200,9 +200,8 @@ def _frame_of(motion: Motion, document: Document, faults: Faults) -> FloatArray:
     if motion.object_profile not in objects:
         if not objects or motion.object_profile == "":
             return np.eye(4)
-        raise faults.error(
-            "DEL016", "no object frame profile of this name", motion.line, motion.object_profile
-        )
+        text = "no object frame profile of this name"
+        raise faults.error("DEL016", text, motion.line, motion.object_profile)
     reference, T_reference_object = objects[motion.object_profile]
     if np.array_equal(T_reference_object, np.eye(4)):
         return np.eye(4)

@@ -37,9 +37,8 @@ def _roots(document: Document, task: str | None, faults: Faults) -> list[str]:
     roots = [name for name in document.tasks if name not in called]
     if not roots and document.tasks:
         first = next(iter(document.tasks))
-        raise faults.error(
-            "DEL011", "tasks call each other in a circle", document.task_lines[first]
-        )
+        text = "tasks call each other in a circle"
+        raise faults.error("DEL011", text, document.task_lines[first])
     if len(roots) > 1:
         text = (
             f"{len(roots)} tasks that no other one calls, read one after the other: "
@@ -62,9 +61,8 @@ def _size(document: Document, root: str, sizes: dict[str, int], faults: Faults) 
             )
             continue
         if call.task not in document.tasks:
-            raise faults.error(
-                "DEL010", f"task {name!r} calls {call.task!r}, which is not in the file", call.line
-            )
+            text = f"task {name!r} calls {call.task!r}, which is not in the file"
+            raise faults.error("DEL010", text, call.line)
         if call.task in open_tasks:
             text = f"tasks call each other in a circle: {name!r} calls {call.task!r}"
             raise faults.error("DEL011", text, call.line)
