@@ -39,16 +39,7 @@ AT_ONCE = 4000
 
 
 def frozen_floats(owner: object, name: str, shape: tuple[int | None, ...]) -> None:
-    """Replace field ``name`` of a frozen dataclass by a read-only float64 array of this shape.
-
-    Args:
-        owner: the dataclass instance under construction.
-        name: the field.
-        shape: expected shape; ``None`` stands for any length.
-
-    Raises:
-        ValueError: if the shape differs.
-    """
+    """Replace a field of a frozen dataclass by a read-only float64 array; None: any length."""
     _freeze(owner, name, np.float64, shape)
 
 
@@ -128,12 +119,7 @@ def _is_member(numbers: AnyIntArray, count: int) -> BoolArray:
 
 
 def taken(values: NDArray[Kind], rows: Rows) -> NDArray[Kind]:
-    """Return rows (k, ...) of an array: where rows are wide, several times as fast as ``[rows]``.
-
-    Args:
-        values: (n, ...).
-        rows: (k,) numbers, or a mask (n,).
-    """
+    """Return rows (k, ...) of an array, faster than ``[rows]`` where they are wide."""
     if values.ndim == 1:
         return np.asarray(values[rows])
     return values.take(np.flatnonzero(rows) if rows.dtype == np.bool_ else rows, axis=0)
@@ -165,12 +151,10 @@ class _Column:
 
 
 def column(of: str, *shape: int | None, dtype: Any = np.float64) -> dict[str, Any]:  # noqa: ANN401
-    """Return the metadata of a dataclass field that is a column.
+    """Return the metadata of a dataclass field that is a column, with the shape of one row.
 
-    Args:
-        of: what a row is; a dataclass may hold columns of several things.
-        shape: of one row; ``None`` stands for any length.
-        dtype: None: a tuple of values, or a mapping of columns by name.
+    ``of``: what a row is; a dataclass may hold columns of several things. ``dtype`` None: a tuple
+    of values, or a mapping of columns by name.
     """
     return {"column": _Column(of, dtype, shape)}
 
@@ -183,12 +167,7 @@ def _columns(owner: Any, of: str | None = None) -> list[tuple[Field[Any], _Colum
 def freeze_columns(owner: Any, **counts: int) -> None:  # noqa: ANN401 - any dataclass
     """Check the columns of a frozen dataclass under construction and make them read-only.
 
-    Args:
-        owner: the dataclass instance.
-        counts: number of rows by what a row is.
-
-    Raises:
-        ValueError: if a column has another length or shape.
+    ``counts``: number of rows by what a row is.
     """
     for f, spec in _columns(owner):
         value, n = getattr(owner, f.name), counts[spec.of]
@@ -207,11 +186,7 @@ def columns_at(owner: Any, of: str, index: AnyIntArray) -> dict[str, Any]:  # no
 
 
 def columns_joined(parts: Sequence[Any], of: str) -> dict[str, Any]:
-    """Return the columns of dataclasses by name, behind each other.
-
-    Raises:
-        ValueError: for a column that some of the parts have and others have not.
-    """
+    """Return the columns of dataclasses by name, behind each other; all have them, or none."""
     return {
         f.name: _joined(f.name, [getattr(part, f.name) for part in parts])
         for f, _ in _columns(parts[0], of)

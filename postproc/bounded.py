@@ -27,15 +27,8 @@ def run_bounded(
 ) -> tuple[int, str] | None:
     """Run a script with Python's own limits on time of the processor [s] and memory [bytes].
 
-    Args:
-        script: a file that imports nothing of this package.
-        arguments: what it gets.
-        seconds: of the processor.
-        memory: of the whole process, where the system can limit it.
-        text: for its stdin.
-
-    Returns:
-        exit code and stdout; None where it was ended.
+    It imports nothing of this package, and gets arguments and a text on stdin. Returns exit code
+    and stdout; None where it was ended.
     """
     call = [sys.executable, "-P", "-c", _LIMITED, str(seconds), str(memory), str(script)]
     try:

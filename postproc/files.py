@@ -25,21 +25,13 @@ _TEMPORARY = re.compile(r"\..+\.[a-z0-9_]{8}\.part")
 
 
 def read_bytes(path: str | Path) -> bytes:
-    """Return the content of an input file.
-
-    Raises:
-        ReadError: as ``open_input``.
-    """
+    """Return the content of an input file; errors as ``open_input``."""
     with open_input(path) as stream:
         return stream.read()
 
 
 def text_of(raw: bytes, path: str | Path, code: str, error: type[PostprocError] = DataError) -> str:
-    """Return the text of a file in UTF-8, a byte order mark left out.
-
-    Raises:
-        PostprocError: of class ``error`` with the line, if it is none.
-    """
+    """Return the text of a file in UTF-8, a byte order mark left out; ``error`` if it is none."""
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as problem:
@@ -51,9 +43,8 @@ def text_of(raw: bytes, path: str | Path, code: str, error: type[PostprocError] 
 def open_input(path: str | Path) -> Iterator[BinaryIO]:
     """Give an input file opened for reading bytes, and close it.
 
-    Raises:
-        ReadError: IO001 if it is missing, IO002 if it is a folder or unreadable, also when that
-            shows only while it is read; IO016 for a pipe that says nothing or does not end.
+    IO001 if it is missing, IO002 if it is a folder or unreadable, also when that shows only while
+    it is read; IO016 for a pipe that says nothing or does not end.
     """
     try:
         if str(path) in _SPOOLED or _is_pipe(path):
@@ -112,12 +103,9 @@ def _piped(path: str | Path) -> bytes:
 def write_files(contents: Mapping[Path, bytes], *, durable: bool = False) -> None:
     """Write all files or none: each beside its target first, then renamed.
 
-    Missing folders are made. On any failure the temporary files are removed and no target that
-    was not yet renamed has changed. ``durable``: the content is on the disk before the name is, so
-    that a power loss leaves the old file or the new one.
-
-    Raises:
-        ReadError: IO003 if a file cannot be written.
+    Missing folders are made. On any failure (IO003) the temporary files are removed and no target
+    that was not yet renamed has changed. ``durable``: the content is on the disk before the name
+    is, so that a power loss leaves the old file or the new one.
     """
     staged: list[tuple[Path, Path]] = []
     target = Path()
@@ -138,11 +126,7 @@ def write_files(contents: Mapping[Path, bytes], *, durable: bool = False) -> Non
 
 
 def remove_files(paths: Iterable[Path]) -> None:
-    """Remove files, those that are gone already included.
-
-    Raises:
-        ReadError: IO003 if one cannot be removed.
-    """
+    """Remove files, those that are gone already included; IO003 if one cannot be removed."""
     for path in paths:
         try:
             path.unlink(missing_ok=True)
@@ -154,9 +138,7 @@ def remove_files(paths: Iterable[Path]) -> None:
 def shown_from(given: str | Path, path: Path) -> str:
     """Return how a message names a file: from where the user stands, as ``given`` was named.
 
-    Args:
-        given: the file that leads to ``path`` (the cell), as the call names it.
-        path: of a file; one outside the folder of ``given`` is named whole.
+    ``given``: the file that leads to it (the cell); one outside its folder is named whole.
     """
     folder = Path(given).parent
     whole = folder.resolve()

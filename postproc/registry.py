@@ -226,12 +226,7 @@ def _kind_of(part: object) -> str:
 
 
 def part_names(group: str, package: str) -> tuple[str, ...]:
-    """Return the names of the parts of a group without importing any of them.
-
-    Args:
-        group: as of the registry.
-        package: dotted name of the folder, where each module has the name of its part.
-    """
+    """Return the names of the parts of a group without importing any: those of its modules."""
     top, *inner = package.split(".")
     folders = [str(Path(place, *inner)) for place in importlib.import_module(top).__path__]
     own = {module.name for module in pkgutil.iter_modules(folders)}

@@ -87,9 +87,9 @@ def loads(
 ) -> FloatArray:
     """Return the wrench (n, 6) ON the tool at the tool point, axes of robroot [N, N*m].
 
-    At joint angles (n, 6) [rad]; the process force acts in rows ``working`` (n,): ``process`` (n,
-    6) at and in axes of the TCP, None: the cell's. ``dead``: with the tool's weight, where it is
-    known.
+    At joint angles (n, 6) [rad]; the process force acts in rows ``working`` (n,): ``process``
+    (n, 6) at and in axes of the TCP, None: the cell's. ``dead``: with the tool's weight, where it
+    is known.
     """
     T = kinematics.fk(q)
     R_robroot_tcp = T[:, :3, :3] @ cell.tool.T_flange_tcp[:3, :3]

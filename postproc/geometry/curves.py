@@ -72,13 +72,9 @@ def around(
 def spline_tangents(
     start: FloatArray, end: FloatArray, follows: BoolArray, precedes: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the derivatives (m, 3) per unit share at start and end of consecutive motions.
+    """Return the derivatives (m, 3) per unit share at start and end (m, 3) of consecutive motions.
 
-    Args:
-        start: (m, 3) [m].
-        end: (m, 3) [m].
-        follows: (m,) the motion before belongs to the same block.
-        precedes: (m,) the motion behind belongs to the same block.
+    ``follows``, ``precedes`` (m,): the motion before, or behind, belongs to the same block.
     """
     chord = end - start
     size = np.linalg.norm(chord, axis=1, keepdims=True)

@@ -46,9 +46,7 @@ class _Lines:
 def build(robot: Robot) -> Kinematics:
     """Return the kinematics of a robot; the same object for the same robot object.
 
-    Raises:
-        KinematicsError: KIN001 if the geometry is no arm (a length of zero), KIN002 and above if
-            a URDF cannot be used.
+    KIN001 if the geometry is no arm (a length of zero), KIN002 and above if a URDF cannot be used.
     """
     if isinstance(robot.geometry, OpwGeometry):
         return closed_form(arm_of(robot.geometry), robot.q_min, robot.q_max)
@@ -175,12 +173,7 @@ def _unit(vector: FloatArray) -> FloatArray:
 
 
 def build_urdf(geometry: UrdfGeometry, q_min: FloatArray, q_max: FloatArray) -> Kinematics:
-    """Return the kinematics of a URDF arm; its link frames are those of the file.
-
-    Raises:
-        KinematicsError: KIN002 if pinocchio cannot use the file.
-        CellError: CEL011 if it is not the URDF of a six-axis arm.
-    """
+    """Return the kinematics of a URDF arm; its link frames are those of the file."""
     chain = load_chain(geometry.path, geometry.tip)
     arm = ortho_parallel(chain)
     if arm is None:
@@ -201,12 +194,7 @@ def build_urdf(geometry: UrdfGeometry, q_min: FloatArray, q_max: FloatArray) -> 
 
 
 def load_chain(path: Path, tip: str | None = None) -> SerialChain:
-    """Return the joint frames between root link and flange.
-
-    Raises:
-        KinematicsError: KIN002 if pinocchio cannot use the file.
-        CellError: CEL011 if it is not the URDF of a six-axis arm.
-    """
+    """Return the joint frames between root link and flange, as pinocchio has them."""
     import pinocchio
 
     joints = read_chain(path, tip)

@@ -86,14 +86,9 @@ class SerialChain:
         return links
 
     def jacobian(self, q: ArrayLike, p_flange_tcp: ArrayLike = (0.0, 0.0, 0.0)) -> FloatArray:
-        """Return the Jacobian (..., 6, 6) of the TCP, axes of robroot.
+        """Return the Jacobian (..., 6, 6) of the TCP, axes of robroot: linear [m/rad] then angular.
 
-        Args:
-            q: (..., 6) joint angles [rad].
-            p_flange_tcp: (3,) TCP in the flange [m].
-
-        Returns:
-            Rows linear [m/rad] then angular [rad/rad].
+        At joint angles (..., 6) [rad]; ``p_flange_tcp`` (3,): TCP in the flange [m].
         """
         angles = np.asarray(q, dtype=np.float64)
         flat = angles.reshape(-1, 6)
@@ -106,10 +101,7 @@ class SerialChain:
     def rates(self, q: ArrayLike, p_flange_tcp: ArrayLike, direction: ArrayLike) -> FloatArray:
         """Return how fast (n, 6) [m/rad] joints move the TCP along a direction: linear rows of J.
 
-        Args:
-            q: (n, 6) joint angles [rad].
-            p_flange_tcp: (3,) TCP in the flange [m].
-            direction: (n, 3) unit, robroot.
+        At joint angles (n, 6) [rad]; ``direction`` (n, 3) unit, robroot; ``p_flange_tcp`` (3,) [m].
         """
         angles, along = np.asarray(q, dtype=np.float64), np.asarray(direction, dtype=np.float64)
         tcp = np.asarray(p_flange_tcp, dtype=np.float64)

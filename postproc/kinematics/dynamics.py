@@ -33,10 +33,7 @@ class Dynamics:
     def torques(self, q: FloatArray, qd: FloatArray, qdd: FloatArray) -> FloatArray:
         """Return the torques (n, 6) [N*m] that the joints need, the axes moving as they do.
 
-        Args:
-            q: (n, 6) joint angles [rad].
-            qd: (n, 6) speeds [rad/s].
-            qdd: (n, 6) accelerations [rad/s^2].
+        Angles, speeds, accelerations (n, 6) [rad], [rad/s], [rad/s^2].
         """
         import pinocchio
 

@@ -111,14 +111,10 @@ class OpwSolver(Solver):
             object.__setattr__(self, name, None if is_nothing else turn)
 
     def solve(self, T_robroot_flange: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Return all branches of each pose.
+        """Return all branches of each pose (n, 4, 4) [m].
 
-        Args:
-            T_robroot_flange: (n, 4, 4) [m].
-
-        Returns:
-            q (n, 8, 6) [rad], principal values in [-pi, pi], NaN where not reachable, and
-            valid (n, 8): geometrically reachable, limits not asked.
+        q (n, 8, 6) [rad], principal values in [-pi, pi], NaN where not reachable, and valid (n, 8):
+        geometrically reachable, limits not asked.
         """
         count = len(T_robroot_flange)
         q = np.empty((count, 8, 6))
@@ -130,12 +126,7 @@ class OpwSolver(Solver):
     def solve_in(
         self, T_robroot_flange: FloatArray, slot: AnyIntArray
     ) -> tuple[FloatArray, BoolArray]:
-        """Return one branch of each pose: q (n, 6) and valid (n,), as ``solve`` has in the slots.
-
-        Args:
-            T_robroot_flange: (n, 4, 4) [m].
-            slot: (n,) branches 0..7.
-        """
+        """Return one branch ``slot`` (n,) of each pose: q (n, 6), valid (n,), as of ``solve``."""
         count = len(T_robroot_flange)
         q = np.empty((count, 6))
         valid = np.empty(count, dtype=np.bool_)
@@ -158,12 +149,8 @@ class OpwSolver(Solver):
     ) -> tuple[FloatArray, BoolArray]:
         """Return both wrists of one arm branch of each pose, as ``solve`` has in its slots.
 
-        Args:
-            T_robroot_flange: (n, 4, 4) [m].
-            arm: (n,) 0..3, the lower bits of the branch.
-
-        Returns:
-            q (n, 2, 6) in slots ``arm`` and ``arm + 4``, and valid (n, 2).
+        ``arm`` (n,) 0..3: the lower bits of the branch; q (n, 2, 6) in slots ``arm`` and
+        ``arm + 4``, and valid (n, 2).
         """
         count = len(T_robroot_flange)
         q = np.empty((count, 2, 6))

@@ -39,18 +39,10 @@ def linear_joints(
 ) -> tuple[FloatArray, FloatArray]:
     """Return how far the joints go to first order on ways of the TCP, and how far they may be off.
 
-    Args:
-        kinematics: the arm.
-        q: (n, 6) joints at the start [rad].
-        T_robroot_tcp: (n, 4, 4) TCP there [m].
-        T_flange_tcp: (n, 4, 4) [m].
-        ways: (n, k, 6) how far the TCP goes [m] and turns [rad], axes of robroot; one of the k does
-            not move.
-
-    Returns:
-        (n, k, 6) [rad]; and (n, 6) [rad] by how much the joints may differ at most from the same
-        mixture of these wherever the TCP goes on a mixture of the ways, infinite where that is not
-        known.
+    From joints (n, 6) [rad] with the TCP at (n, 4, 4) [m] on ``ways`` (n, k, 6), how far the TCP
+    goes [m] and turns [rad], axes of robroot; one of the k does not move. (n, k, 6) [rad]; and
+    (n, 6) [rad] by how much the joints may differ at most from the same mixture of these wherever
+    the TCP goes on a mixture of the ways, infinite where that is not known.
     """
     T_robroot_flange = kinematics.fk(q)
     off = np.abs(T_robroot_flange @ T_flange_tcp - T_robroot_tcp).max(axis=(1, 2), initial=0.0)

@@ -66,9 +66,7 @@ class Kinematics:
     def jacobian(self, q: ArrayLike, p_flange_tcp: ArrayLike = (0.0, 0.0, 0.0)) -> FloatArray:
         """Return (..., 6, 6) of the TCP: rows linear then angular, axes of robroot.
 
-        Args:
-            q: (..., 6) joint angles [rad].
-            p_flange_tcp: (3,) TCP in the flange [m].
+        At joint angles (..., 6) [rad]; ``p_flange_tcp`` (3,): TCP in the flange [m].
         """
         return self.chain.jacobian(q, p_flange_tcp)
 
@@ -77,15 +75,11 @@ class Kinematics:
         return self.chain.rates(q, p_flange_tcp, direction)
 
     def ik(self, T_robroot_flange: ArrayLike) -> tuple[FloatArray, BoolArray]:
-        """Return all branches of each pose.
+        """Return all branches of each pose (n, 4, 4) or (4, 4) [m]; rotations are orthonormal.
 
-        Args:
-            T_robroot_flange: (n, 4, 4) or (4, 4) [m]; rotations must be orthonormal. A pose
-                that holds nan or inf is not reachable.
-
-        Returns:
-            q (n, 8, 6) [rad]: principal values in [-pi, pi], NaN where not reachable; valid (n, 8):
-            reachable, limits not asked. Slot = overhead + 2 elbow + 4 wrist.
+        q (n, 8, 6) [rad]: principal values in [-pi, pi], NaN where not reachable; valid (n, 8):
+        reachable, limits not asked. Slot = overhead + 2 elbow + 4 wrist. A pose that holds nan or
+        inf is not reachable.
         """
         T = np.asarray(T_robroot_flange, dtype=np.float64).reshape(-1, 4, 4)
         if np.isfinite(T).all():
@@ -98,12 +92,7 @@ class Kinematics:
     def ik_in(
         self, T_robroot_flange: FloatArray, slot: AnyIntArray
     ) -> tuple[FloatArray, BoolArray]:
-        """Return one branch of each pose: q (n, 6) and valid (n,), as ``ik`` gives it.
-
-        Args:
-            T_robroot_flange: (n, 4, 4) [m].
-            slot: (n,) branches 0..7.
-        """
+        """Return one branch ``slot`` (n,) of each pose: q (n, 6), valid (n,), as of ``ik``."""
         T = np.asarray(T_robroot_flange, dtype=np.float64)
         if np.isfinite(T).all():
             return self.solver.solve_in(T, slot)
@@ -117,12 +106,8 @@ class Kinematics:
     ) -> tuple[FloatArray, BoolArray]:
         """Return both wrists of one arm branch of each pose, as ``ik`` gives them.
 
-        Args:
-            T_robroot_flange: (n, 4, 4) [m].
-            arm: (n,) branches 0..3, without their wrist.
-
-        Returns:
-            q (n, 2, 6) and valid (n, 2) in slots ``arm`` and ``arm + 4``.
+        ``arm`` (n,) 0..3: branches without their wrist; q (n, 2, 6) and valid (n, 2) in slots
+        ``arm`` and ``arm + 4``.
         """
         is_number = np.isfinite(T_robroot_flange).all(axis=(1, 2))
         if is_number.all():
@@ -135,15 +120,11 @@ class Kinematics:
     def ik_where(
         self, T_robroot_flange: FloatArray, may: MayStand
     ) -> tuple[IndexArray, IndexArray, FloatArray, BoolArray]:
-        """Return the branches of poses of which every joint may stand where it does.
+        """Return the branches of poses (n, 4, 4) [m] of which every joint may stand where it does.
 
-        Args:
-            T_robroot_flange: (n, 4, 4) [m].
-            may: joint 0..5, its principal values (m,) [rad] -> (m,).
-
-        Returns:
-            Pose (k,), rising, slot (k,), rising within a pose, and q (k, 6) [rad] of each; valid
-            (n, 8) as of ``ik``, whether or not the joints may stand there.
+        ``may``: joint 0..5, its principal values (m,) [rad] -> (m,). Pose (k,), rising, slot (k,),
+        rising within a pose, and q (k, 6) [rad] of each; valid (n, 8) as of ``ik``, whether or not
+        the joints may stand there.
         """
         is_number = np.isfinite(T_robroot_flange).all(axis=(1, 2))
         if is_number.all():
@@ -170,14 +151,10 @@ class Kinematics:
             return np.asarray(angles + TURN * np.where(low <= high, inside, wanted))
 
     def turns(self, q: ArrayLike) -> tuple[FloatArray, IntArray]:
-        """Return every variant by whole turns that is inside the limits.
+        """Return every variant of angles (m, 6) [rad] by whole turns that is inside the limits.
 
-        Args:
-            q: (m, 6) joint angles [rad].
-
-        Returns:
-            Variants (k, 6), ordered by row, then by turns of A1..A6 upwards; and (k,) the row of
-            ``q`` each belongs to. A row with a joint that no turn brings inside has none.
+        Variants (k, 6), ordered by row, then by turns of A1..A6 upwards; and (k,) the row of ``q``
+        each belongs to. A row with a joint that no turn brings inside has none.
         """
         angles = np.asarray(q, dtype=np.float64).reshape(-1, 6)
         rows = np.flatnonzero(np.isfinite(angles).all(axis=1))
@@ -231,11 +208,7 @@ class Kinematics:
 
 
 def closed_form(arm: OpwArm, q_min: FloatArray, q_max: FloatArray) -> Kinematics:
-    """Return the kinematics of an ortho-parallel arm.
-
-    Raises:
-        KinematicsError: KIN001 if upper arm or forearm has no length.
-    """
+    """Return the kinematics of an ortho-parallel arm; KIN001 without an upper arm or forearm."""
     if not (arm.geometry.c2 > 0.0 and arm.forearm > 0.0):
         raise KinematicsError("KIN001", "upper arm and forearm need a length above 0")
     return Kinematics(

@@ -178,19 +178,10 @@ class PolishedSolver(Solver):
 
 
 def newton(chain: SerialChain, T: FloatArray, start: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Iterate configurations towards poses.
+    """Iterate configurations (m, 6) [rad] towards poses (m, 4, 4) [m]; (m,) met within ``FOUND``.
 
-    Args:
-        chain: the arm.
-        T: (m, 4, 4) wanted ``T_robroot_flange`` [m].
-        start: (m, 6) [rad].
-
-    Returns:
-        (m, 6) [rad] and (m,) whether the pose is met within ``FOUND``.
-
-    Source:
-        Sugihara, Solvability-unconcerned inverse kinematics by the Levenberg-Marquardt method,
-        2011: damping by the squared error.
+    Sugihara, Solvability-unconcerned inverse kinematics by the Levenberg-Marquardt method, 2011:
+    damping by the squared error.
     """
     q = start.copy()
     error = np.full(len(q), np.inf)

@@ -16,13 +16,7 @@ _DIGITS = 0.0002 * MM
 
 
 def corner_miss(a: FloatArray, corner: FloatArray, b: FloatArray) -> FloatArray:
-    """Return how far (c,) [m] a tool point may pass corners.
-
-    Args:
-        a: (c, 3) where approximation may begin [m].
-        corner: (c, 3) what is approximated [m].
-        b: (c, 3) where it may end [m].
-    """
+    """Return how far (c,) [m] a tool point may pass corners approximated from a to b (c, 3)."""
     return onto_line(corner, a, b)[1]
 
 
@@ -33,13 +27,9 @@ def within_tolerance(
 ) -> FloatArray:
     """Return the approximation distances (c,) [m] by which no corner is passed too far.
 
-    Args:
-        distance: (c,) as far as wished [m].
-        miss: corners (k,) and their distances (k,) [m] to how far they may be passed (k,) [m].
-        tolerance: how far they may be [m], all or each (c,).
-
-    Returns:
-        Those that keep it as they are, the others round ones, 0 where none was found.
+    ``miss``: corners (k,) and their distances (k,) [m] to how far they may be passed (k,) [m];
+    ``tolerance`` of all or each. Those that keep it stay as they are, the others are round ones, 0
+    where none was found.
     """
     kept, at = distance.copy(), np.arange(len(distance))
     most = np.broadcast_to(np.maximum(tolerance - _DIGITS, 0.0), distance.shape)

@@ -42,16 +42,7 @@ def shoulder_distance(kinematics: Kinematics, q: ArrayLike) -> FloatArray:
 def smallest_singular_value(
     kinematics: Kinematics, q: ArrayLike, p_flange_tcp: ArrayLike = (0.0, 0.0, 0.0)
 ) -> FloatArray:
-    """Return the smallest singular value (...,) of the Jacobian.
-
-    Args:
-        kinematics: the arm.
-        q: (..., 6) joint angles [rad].
-        p_flange_tcp: (3,) TCP in the flange [m].
-
-    Returns:
-        [rad/rad], a metre counted as a radian; 0 at a singularity.
-    """
+    """Return the smallest singular value (...,) of the Jacobian [rad/rad], a metre as a radian."""
     J = kinematics.jacobian(q, p_flange_tcp)
     return np.asarray(np.linalg.svd(J, compute_uv=False)[..., -1])
 
@@ -63,15 +54,10 @@ def _from_half_turns(angle: FloatArray) -> FloatArray:
 def is_coaxial_with_axis_6(
     kinematics: Kinematics, T_flange_tcp: ArrayLike, axis_tcp: ArrayLike
 ) -> bool:
-    """Return whether the tool axis lies on axis 6.
+    """Return whether the tool axis (3,), in the TCP frame, lies on axis 6.
 
-    Then turning about the tool axis turns axis 6 alone: the other axes, and with them stiffness
-    and reach, stay as they are, so there is nothing to optimise.
-
-    Args:
-        kinematics: the arm.
-        T_flange_tcp: (4, 4) TCP in the flange [m].
-        axis_tcp: (3,) unit tool axis in the TCP frame.
+    Then turning about the tool axis turns axis 6 alone: the other axes, and with them stiffness and
+    reach, stay as they are, so there is nothing to optimise.
     """
     point, direction = axis_6_in_flange(kinematics)
     T = np.asarray(T_flange_tcp, dtype=np.float64)

@@ -285,11 +285,7 @@ def load_model(path: str | Path) -> ModelFile:
 
 
 def save_model(model: ModelFile) -> bytes:
-    """Return the bytes of a ``model.toml``; the same model gives the same bytes.
-
-    Raises:
-        DataError: MOD007 if a table holds something that TOML has no form for.
-    """
+    """Return the bytes of a ``model.toml``; the same model gives the same bytes."""
     lines = [f'schema = "{SCHEMA}"']
     if model.notes:
         lines.append(f"notes = {toml_value(list(model.notes))}")

@@ -242,10 +242,7 @@ class Plan:
         """Return the moves of plans of the same toolpath behind each other.
 
         A tag has the numbers of the last part that knows them; equal findings count once. Name,
-        notes and settings are those of the first.
-
-        Raises:
-            ValueError: for a compensation of some of them only.
+        notes and settings are those of the first. All of them are compensated, or none.
         """
         if any(part.tool is not None for part in parts):
             frames = [(part.tool_of_moves, part.base_of_moves) for part in parts]
@@ -266,11 +263,7 @@ class Plan:
         return replace(parts[0], findings=tuple(dict.fromkeys(findings)), **changes)
 
     def within(self, toolpath: ToolPath, low: int) -> Plan:
-        """Return a plan of a stretch of tags as one of the whole toolpath.
-
-        Args:
-            toolpath: the whole.
-            low: tag of the whole at which the stretch begins.
+        """Return a plan of a stretch of tags, from ``low`` on, as one of the whole toolpath.
 
         An event that the whole has too is the very one of the whole.
         """

@@ -106,13 +106,10 @@ class Reach:
         return np.asarray(inside & (np.linalg.norm(wrench[:, :3], axis=1) <= 1.05 * self.force))
 
     def radius(self, q: FloatArray, spread: FloatArray) -> FloatArray:
-        """Return the radii (n,) [m] of 95 %.
+        """Return the radii (n,) [m] of 95 % at poses (n, 6) [rad].
 
-        Outside, as much as the model is not believed any more of what it moves may be wrong.
-
-        Args:
-            q: (n, 6) poses [rad].
-            spread: (n,) 3D standard deviation that the numbers leave open [m].
+        ``spread`` (n,): 3D standard deviation that the numbers leave open [m]. Outside, as much as
+        the model is not believed any more of what it moves may be wrong.
         """
         astray = (1.0 - self.share(q)) * self.moved
         return np.asarray(self.factor * np.hypot(np.hypot(self.left, spread), astray))
@@ -140,12 +137,7 @@ class Reach:
 
     @classmethod
     def read(cls, table: Mapping[str, Any]) -> Reach:
-        """Return the reach of a table.
-
-        Raises:
-            KeyError: a key is missing or unknown.
-            ValueError, TypeError: a value has another form.
-        """
+        """Return the reach of a table; KeyError, ValueError or TypeError where it is none."""
         spread = table["spread"]
         draws = {name: _numbers(spread, name, (None, None)) for name in dict(spread)}
         if len({len(part) for part in draws.values()}) > 1:

@@ -14,15 +14,10 @@ from postproc.toml.text import Location, Scanner
 
 
 def edited(text: str, changes: Mapping[Location, object]) -> str:
-    """Return a TOML text with values changed or added.
+    """Return a TOML text with values changed or added by place, as ``("bases", 0, "frame")``.
 
-    Args:
-        text: valid TOML.
-        changes: value by place, such as ``("bases", 0, "frame", "xyz_mm")``. Of a table the keys
-            given change, others stay.
-
-    Raises:
-        DataError: MOD007 if a value has no form in TOML, CEL042 if it has no place in this text.
+    Of a table the keys given change, others stay. MOD007 if a value has no form in TOML, CEL042 if
+    it has no place in this text.
     """
     expected = tomllib.loads(text)
     result = text
@@ -95,11 +90,7 @@ def _with(text: str, location: Location, value: object) -> str:
 
 
 def toml_table(table: Mapping[str, Any]) -> list[str]:
-    """Return one ``key = value`` text per key, in the table's order.
-
-    Raises:
-        DataError: MOD007 if a value has no form in TOML.
-    """
+    """Return one ``key = value`` text per key, in the table's order."""
     return [f"{toml_key(key)} = {toml_value(value)}" for key, value in table.items()]
 
 
@@ -110,11 +101,7 @@ def toml_key(name: str) -> str:
 
 
 def toml_value(value: object) -> str:
-    """Return a value: text, number, list, mapping or numpy array.
-
-    Raises:
-        DataError: MOD007 if it has no form in TOML.
-    """
+    """Return a value, text, number, list, mapping or numpy array: MOD007 for any other."""
     if isinstance(value, (np.ndarray, np.generic)):
         value = value.tolist()
     if isinstance(value, Mapping):

@@ -55,17 +55,7 @@ class TomlText:
 
 
 def load_toml(path: str | Path, error: type[PostprocError], code: str) -> TomlText:
-    """Read a TOML file.
-
-    Args:
-        path: the file.
-        error: class of the error to raise for text that is not TOML.
-        code: its code.
-
-    Raises:
-        PostprocError: of class ``error`` with the line, if the text is not UTF-8 or not TOML.
-        ReadError: if the file is missing or unreadable.
-    """
+    """Read a TOML file; what is none raises ``error`` with ``code`` and the line."""
     return parse_toml(read_bytes(path), path, error, code)
 
 
