@@ -119,16 +119,8 @@ def check(
     from postproc.jobs.controller_backup import compare_backup
 
     comparison, different = compare_backup(cell, backup)
-    differences = [
-        {
-            "key": difference.key,
-            "cell": difference.cell,
-            "controller": difference.controller,
-            "severity": str(difference.severity),
-            "text": difference.text,
-        }
-        for difference in comparison.differences
-    ]
+    told = ("key", "cell", "controller", "severity", "text")
+    differences = [{name: getattr(d, name) for name in told} for d in comparison.differences]
     counted = {"compared": comparison.compared, "differences": differences}
     return CellCheck(cell, found.facts, [*found.findings, *different], counted)
 
@@ -183,6 +175,8 @@ class _Context:
 def _tool(context: _Context) -> Iterator[Finding]:
     for tool, at, name in context.tools():
         if tool.known_axis is None:
+            text = f"tool {tool.number} {tool.name} has no axis: no job can use it yet"
+            yield Finding(Severity.NOTE, "CEL142", text, source=tool.source)
             continue
         if is_coaxial_with_axis_6(context.kinematics, tool.T_flange_tcp, tool.axis):
             text = "the tool axis lies on A6: spin turns A6 only and gains no stiffness"
@@ -193,13 +187,6 @@ def _tool(context: _Context) -> Iterator[Finding]:
         if tool.mass > 0 and tool.com is None:
             text = "no cog_mm: the centre of gravity is needed for load data and sag"
             yield context.finding(Severity.NOTE, "CEL104", name + text, *at)
-
-
-def _axes(context: _Context) -> Iterator[Finding]:
-    for tool in context.cell.tools:
-        if tool.known_axis is None:
-            text = f"tool {tool.number} {tool.name} has no axis: no job can use it yet"
-            yield Finding(Severity.NOTE, "CEL142", text, source=tool.source)
 
 
 def _solids(context: _Context) -> Iterator[Finding]:
@@ -389,10 +376,6 @@ def _robot(context: _Context) -> Iterator[Finding]:
         yield context.finding(Severity.NOTE, "CEL118", text, "robot", "urdf")
 
 
-def _arm(context: _Context) -> Iterator[Finding]:
-    yield from arm_doubts(context.cell, context.kinematics, lambda: context.toml)
-
-
 def _emitter(context: _Context) -> Iterator[Finding]:
     try:
         emitter_of(context.cell)
@@ -403,10 +386,9 @@ def _emitter(context: _Context) -> Iterator[Finding]:
 
 _CHECKS: tuple[Callable[[_Context], Iterator[Finding]], ...] = (
     _robot,
-    _arm,
+    lambda context: arm_doubts(context.cell, context.kinematics, lambda: context.toml),
     _outline,
     _tool,
-    _axes,
     _solids,
     _stiffness,
     _workpiece,
