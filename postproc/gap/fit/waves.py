@@ -83,7 +83,6 @@ def find_waves(
     y: FloatArray,
     weight: FloatArray,
     beside: FloatArray,
-    at_most: int = MOST,
 ) -> tuple[Wave, ...]:
     """Return the waves in what other columns leave of the gap, strongest first.
 
@@ -92,13 +91,12 @@ def find_waves(
         y: (n, 3) gap [m].
         weight: (n,) 1/sigma [1/m].
         beside: (n, 3, p) columns [m] of unit prior.
-        at_most: largest number of waves.
     """
     context = Projection(beside, y, weight)
     scan = _Scan.of(samples, weight, np.arange(LOWEST, HIGHEST + 1, dtype=np.float64))
     tried = 6 * len(scan.orders)
     found: list[Wave] = []
-    for _ in range(at_most):
+    for _ in range(MOST):
         rest = context.rest
         gain, wave = scan.best(context, scan.strongest(rest), rest)
         if gain < np.log(tried) + _PRICE:

@@ -31,13 +31,11 @@ class GridFit:
     """A fitted grid: the field, one sigma per cell and joint, and the cases in each cell.
 
     sd (cells, 6) [rad/(N*m)], the prior included, NaN where unseen; count (cells,) of cases;
-    reading_sd (cells, 6): one sigma from the cell's own readings alone, relative to the constant
-    compliance, infinite where they show nothing; sigma [m]: scatter that the cells leave.
+    sigma [m]: scatter that the cells leave.
     """
 
     field: GridField
     sd: FloatArray
-    reading_sd: FloatArray
     count: IntArray
     sigma: float
 
@@ -91,12 +89,9 @@ def _fit_cells(
     sd = np.full((len(grid), 6), np.nan)
     spread = np.sqrt(variance * np.diagonal(np.linalg.inv(N + prior), axis1=1, axis2=2))
     sd[:, use] = spread * c_ref[use]
-    reading_sd = np.full((len(grid), 6), np.inf)
-    reading_sd[:, use] = _without_prior(N, variance)
     return GridFit(
         GridField(grid, c, blend),
         sd,
-        reading_sd,
         np.bincount(number, minlength=len(grid)).astype(np.int32),
         float(np.sqrt(variance)),
     )
@@ -124,12 +119,3 @@ def _bounded_quadratic(N: FloatArray, b: FloatArray) -> FloatArray:
         if np.max(np.abs(x - before), initial=0.0) < 1e-9:
             break
     return np.asarray(x)
-
-
-def _without_prior(N: FloatArray, variance: float) -> FloatArray:
-    values, vectors = np.linalg.eigh(N)
-    seen: BoolArray = values > 1e-12 * np.maximum(values[:, -1:], 1e-300)
-    inverse = np.where(seen, 1.0 / np.where(seen, values, 1.0), np.inf)
-    with np.errstate(invalid="ignore"):
-        share = np.where(vectors**2 > 1e-12, vectors**2 * inverse[:, None, :], 0.0)
-    return np.asarray(np.sqrt(variance * np.sum(share, axis=-1)))

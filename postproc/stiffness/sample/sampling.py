@@ -260,10 +260,10 @@ def _nearest_neighbour(places: FloatArray) -> list[int]:
     return tour
 
 
-def _two_opt(tour: list[int], places: FloatArray, largest: int = 1500) -> list[int]:
+def _two_opt(tour: list[int], places: FloatArray) -> list[int]:
     """Reverse stretches while that shortens the tour; long tours stay as they are."""
     n = len(tour)
-    if not 4 <= n <= largest:
+    if not 4 <= n <= 1500:
         return tour
     order = np.asarray(tour)
     D = np.max(np.abs(places[:, None, :] - places[None]), axis=2)
