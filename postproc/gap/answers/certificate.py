@@ -9,11 +9,11 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from postproc.arrays import FloatArray, IntArray
+from postproc.arrays import FloatArray
 from postproc.cell import Cell
 from postproc.gap.answers.diagnose import Diagnosis
+from postproc.gap.fit import repeats
 from postproc.units import DEG, MM
 
 COVERAGE = 2.0
@@ -22,10 +22,6 @@ FEWEST_CYCLES = 5
 """Readings of one pose, from one side and under one load, from which its repeatability is told;
 ISO 9283 asks for 30."""
 CYCLES = 30
-_SAME = 0.01 * DEG
-"""Joint angles that differ by less are one pose [rad]."""
-_SAME_LOAD = 1.0
-"""Forces that differ by less are one load [N]."""
 _BINS = 24
 
 
@@ -82,37 +78,17 @@ def _conditions(diagnosis: Diagnosis) -> Iterator[tuple[str, FloatArray]]:
     if samples.qd is not None:
         yield "fastest joint [deg/s]", np.abs(samples.qd[kept]).max(axis=1) / DEG
     for name, values in samples.extra.items():
-        if _is_label(values):
+        if not np.issubdtype(np.asarray(values).dtype, np.number):
             continue
         known = values[kept][np.isfinite(values[kept])]
         if len(known):
             yield name, known
 
 
-def _is_label(values: Any) -> bool:  # noqa: ANN401 - numbers or labels
-    return not np.issubdtype(np.asarray(values).dtype, np.number)
-
-
-def _poses(diagnosis: Diagnosis) -> IntArray:
-    """Return the pose (n,) of each row: same joints, side, load, set-up and labels."""
-    samples = diagnosis.problem.samples
-    parts: list[NDArray[Any]] = [np.round(samples.q / _SAME)]
-    if samples.direction is not None:
-        parts.append(samples.direction)
-    if samples.wrench is not None:
-        parts.append(np.round(samples.wrench / _SAME_LOAD))
-    if samples.set_up is not None:
-        parts.append(samples.set_up)
-    for values in samples.extra.values():
-        if _is_label(values):
-            parts.append(np.unique(np.asarray(values), return_inverse=True)[1])
-    whole = np.column_stack(parts)
-    return np.unique(whole, axis=0, return_inverse=True)[1].reshape(len(whole)).astype(np.int32)
-
-
 def _iso9283(diagnosis: Diagnosis) -> dict[str, Any]:
     """Return AP, RP and drift of AP (ISO 9283:1998, 7.2 and 7.6) of poses that were read again."""
-    problem, pose = diagnosis.problem, _poses(diagnosis)
+    problem = diagnosis.problem
+    pose = repeats(problem.samples, problem.set_ups.unit)
     time = problem.samples.time
     found, drift = [], 0.0
     for k in np.unique(pose[diagnosis.kept]):

@@ -140,8 +140,18 @@ def _is_any(values: FloatArray | None) -> bool:
     return values is not None and bool(np.any(values))
 
 
+def repeats(samples: Samples, unit: IntArray) -> IntArray:
+    """Return the number (n,) of what each row is a pure repeat of, under equal conditions."""
+    key = np.column_stack([_place(samples, _labelled(samples, unit)), *_alike(samples)])
+    return np.unique(key, axis=0, return_inverse=True)[1].ravel().astype(np.int32)
+
+
+def _place(samples: Samples, unit: IntArray) -> FloatArray:
+    return np.column_stack([unit[:, None], np.round(samples.q / SAME_POSE), _give(samples)])
+
+
 def _revisits(samples: Samples, y: FloatArray, usable: BoolArray, unit: IntArray) -> Revisits:
-    place = np.column_stack([unit[:, None], np.round(samples.q / SAME_POSE), _give(samples)])
+    place = _place(samples, unit)
     found = _scatter(samples, y, usable, unit, np.column_stack([place, *_alike(samples)]))
     if found.freedom >= ENOUGH:
         return found
