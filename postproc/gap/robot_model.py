@@ -8,6 +8,7 @@ the joints is put in equilibrium with the pose that results, by fixed point.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -91,32 +92,26 @@ def effect_of(name: str) -> Effect:
 
 def columns(samples: Samples, basis: Basis) -> FloatArray:
     """Return (n, 3, p) the motion of the point per unit of each parameter, to first order."""
-    total: FloatArray | None = None
+    parts = []
     if basis.joint is not None:
-        total = samples.jacobian @ basis.joint
+        parts.append(samples.jacobian @ basis.joint)
     if basis.link is not None:
-        total = _add(total, _link_columns(samples, basis.link))
+        parts.append(_link_columns(samples, basis.link))
     if basis.point is not None:
-        total = _add(total, basis.point)
-    if total is None:
-        raise ValueError("an effect without any part")
-    return total
+        parts.append(basis.point)
+    return np.asarray(reduce(np.add, parts))
 
 
 def _link_columns(samples: Samples, link: FloatArray) -> FloatArray:
     total = np.zeros((len(samples), 3, link.shape[3]))
     for k in range(7):
         part = link[:, k]
-        if not bool(np.any(part[0])) and not bool(np.any(part)):
+        if not bool(np.any(part)):
             continue
         R, origin = samples.frames[:, k, :3, :3], samples.frames[:, k, :3, 3]
         lever = skew(samples.point - origin)
         total += R @ part[:, 3:] - lever @ (R @ part[:, :3])
     return total
-
-
-def _add(total: FloatArray | None, more: FloatArray) -> FloatArray:
-    return more if total is None else total + more
 
 
 def _sum(
@@ -148,11 +143,8 @@ def _moved_point(samples: Samples, link: FloatArray) -> FloatArray:
     for k in range(6, -1, -1):
         R = rotation_from_vector(link[:, k, :3])
         p = np.einsum("nij,nj->ni", R, p) + link[:, k, 3:]
-        if k > 0:
-            T_before_k = inverse(samples.frames[:, k - 1]) @ samples.frames[:, k]
-            p = apply(T_before_k, p)
-        else:
-            p = apply(samples.frames[:, 0], p)
+        T = samples.frames[:, k]
+        p = apply(inverse(samples.frames[:, k - 1]) @ T if k else T, p)
     return p
 
 

@@ -247,7 +247,7 @@ class PathDiagnosis:
         """Of all effects that were tried, on rows that were not fitted."""
         proofs = []
         for effect in self.planned:
-            block = (np.arange(len(self.scene.time)) * STRETCHES) // len(self.scene.time)
+            block = _blocks(len(self.scene.time))
             after = effect.scale - effect.withheld
             proofs.append(_proof(effect.name, PROGRAM, effect.scale, after, block))
         for verdict in self.verdicts:
@@ -258,7 +258,7 @@ class PathDiagnosis:
         stage = verdict.stage
         good = stage.scene.known
         left = stage.at_tool(_filled(stage, verdict)) * good[:, None]
-        block = _blocks(stage)
+        block = _blocks(len(left))
         found = []
         values = withheld(verdict) if verdict.adopted else {}
         rest = left - sum(values.values(), np.zeros_like(left)) * good[:, None]
@@ -293,8 +293,7 @@ class PathDiagnosis:
     def left_off_path(self) -> dict[str, Any]:
         """What a model file leaves off the path, as a table: with its interval, without noise."""
         off = (self.contour_left * self.judged)[:, None]
-        block = np.arange(len(off)) * STRETCHES // len(off)
-        share = _proof("", "", np.ones_like(off) * self.judged[:, None], off, block)
+        share = _proof("", "", np.ones_like(off) * self.judged[:, None], off, _blocks(len(off)))
         noise = 2.0 * self.sigma**2
         ends = [1.0 - end for end in share.interval[::-1]]
         levels = [float(np.sqrt(max(0.0, v**2 - noise))) for v in (share.after, *ends)]
@@ -355,10 +354,9 @@ def _filled(stage: Stage, verdict: Verdict) -> FloatArray:
     return np.where(good, stage.gap, like + rest[:, None])
 
 
-def _blocks(stage: Stage) -> AnyIntArray:
+def _blocks(n: int) -> AnyIntArray:
     """Return which stretch (n,) of the recording each row is drawn with."""
-    n = stage.gap.shape[1]
-    return np.asarray((np.arange(n) * STRETCHES) // max(1, n))
+    return np.asarray(np.arange(n) * STRETCHES // max(1, n))
 
 
 def _beside(stage: Stage, value: FloatArray, rest: FloatArray) -> float:

@@ -24,7 +24,6 @@ from postproc.units import MM
 
 SCHEMA = "postproc.diagnosis/1"
 _Z90 = 1.6449
-_OF = {True: "arm", False: "instrument"}
 SUREST = 0.98
 """No cause is called with more: of the library alone it may be the best by far, but what is not in
 it cannot be excluded better than blind campaigns with unlisted causes show."""
@@ -268,7 +267,7 @@ def _entry(diagnosis: Diagnosis, name: str, before: float, after: float) -> dict
     return {
         "name": name,
         "title": effect.title,
-        "of": _OF[effect.is_arms],
+        "of": "arm" if effect.is_arms else "instrument",
         "probability": _probability(diagnosis, name),
         "adopted": name in diagnosis.adopted,
         "rms_before_mm": _mm(before) if known else None,

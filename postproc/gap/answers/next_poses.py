@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from postproc.arrays import FloatArray
+from postproc.arrays import FloatArray, IntArray
 from postproc.gap.answers.diagnose import Diagnosis
 from postproc.gap.answers.next_pose import APPROACH, NextPose, Reach
 from postproc.gap.data import Samples, make_samples
@@ -275,12 +275,9 @@ def _revisits(diagnosis: Diagnosis, reach: Reach) -> list[NextPose]:
     rows = rows.rows(np.flatnonzero(reach.allows(rows, _from(rows, 1.0))))
     if len(rows) == 0:
         return []
-    chosen = [0]
-    while len(chosen) < min(_REVISITED, len(rows)):
-        apart = np.linalg.norm(rows.q[:, None] - rows.q[chosen], axis=2).min(axis=1)
-        chosen.append(int(np.argmax(apart)))
+    chosen = _farthest(rows.q, 0, _REVISITED)
     why = f"revisit these poses, {_READINGS} times each from one side: it tells the noise"
-    poses = _poses(diagnosis, rows.rows(np.array(chosen)), why)
+    poses = _poses(diagnosis, rows.rows(chosen), why)
     return [replace(pose, revisit=True) for _ in range(_READINGS) for pose in poses]
 
 
@@ -354,11 +351,17 @@ def _conditions(
 def _loads(wrench: FloatArray) -> FloatArray:
     """Return a few loads that differ most among those measured: each has to be put on by hand."""
     distinct = np.unique(np.round(wrench, 3), axis=0)
-    chosen = [int(np.argmin(np.linalg.norm(distinct, axis=1)))]
-    while len(chosen) < min(_LOADS, len(distinct)):
-        gap = np.linalg.norm(distinct[:, None] - distinct[chosen], axis=2).min(axis=1)
-        chosen.append(int(np.argmax(gap)))
-    return np.asarray(distinct[chosen])
+    least = int(np.argmin(np.linalg.norm(distinct, axis=1)))
+    return np.asarray(distinct[_farthest(distinct, least, _LOADS)])
+
+
+def _farthest(points: FloatArray, first: int, count: int) -> IntArray:
+    """Return the numbers of some points (n, k), each the farthest from those before it."""
+    chosen = [first]
+    while len(chosen) < min(count, len(points)):
+        apart = np.linalg.norm(points[:, None] - points[chosen], axis=2).min(axis=1)
+        chosen.append(int(np.argmax(apart)))
+    return np.array(chosen, dtype=np.int32)
 
 
 def last_set_up(diagnosis: Diagnosis) -> int:

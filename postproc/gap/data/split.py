@@ -200,9 +200,9 @@ def designs(samples: Samples, group: Sequence[str] | None = None) -> Designs:
     """
     n = len(samples)
     if group is not None and len(group) == n:
-        named = _of_labels(np.array(group), "")
-        if len(named) > 1 and named.source:
-            return Designs(named.label, named.names, "group")
+        named = _of_labels(np.array(group), "group")
+        if len(named) > 1:
+            return named
     sweep = _sweeps(samples.q)
     turn = _orientations(samples)
     words = [
@@ -230,7 +230,7 @@ def _of_labels(words: FloatArray, source: str) -> Designs:
         label[rest] = len(names) - 1
     else:
         label[rest] = 0
-    return Designs(label, tuple(names), source or "group")
+    return Designs(label, tuple(names), source)
 
 
 def _sweeps(q: FloatArray) -> IntArray:

@@ -34,8 +34,7 @@ class Fit:
     """Result: states of all effects (given and fitted), in SI.
 
     covariance: (p, p) of the fitted numbers; slices: effect to its part; unseen: (p,) numbers
-    that the data say nothing about; point: (n, 3) fitted points [m]; worst: largest |number| over
-    what is physical, per effect.
+    that the data say nothing about; point: (n, 3) fitted points [m].
     """
 
     states: dict[str, State]
@@ -73,8 +72,14 @@ def fit(
     """
     effects = [(effect_of(name), options) for name, options in free.items()]
     parameters, slices, root, mean = layout(samples, given, effects)
-    width, lower, upper = _widths(parameters, root)
-    theta = np.clip(_start(mean, effects, slices), lower, upper)
+    width = np.diag(root)
+    # bounds hold where numbers are independent
+    lower, upper = np.array([(p.lower, p.upper) for p in parameters]).reshape(-1, 2).T
+    theta = mean.copy()
+    for effect, options in effects:
+        if options.start is not None:
+            theta[slices[effect.name]] = options.start
+    theta = np.clip(theta, lower, upper)
     H = np.eye(len(width))
     for _ in range(_STEPS if effects else 0):
         states = dict(given) | _states(theta, effects, slices)
@@ -143,25 +148,6 @@ def layout(
     for part, block in zip(slices.values(), roots, strict=True):
         root[part, part] = block
     return tuple(parameters), slices, root, np.concatenate([np.zeros(0), *mean])
-
-
-def _widths(
-    parameters: tuple[Parameter, ...], root: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return widths and bounds (p,) of numbers; bounds hold where numbers are independent."""
-    lower = np.array([p.lower for p in parameters])
-    upper = np.array([p.upper for p in parameters])
-    return np.diag(root), lower, upper
-
-
-def _start(
-    mean: FloatArray, effects: list[tuple[Effect, Free]], slices: dict[str, slice]
-) -> FloatArray:
-    theta = mean.copy()
-    for effect, options in effects:
-        if options.start is not None:
-            theta[slices[effect.name]] = options.start
-    return theta
 
 
 def _states(

@@ -6,7 +6,7 @@ and has the waves of joint angles that the first could not show.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -59,7 +59,7 @@ class Posterior:
 
     problem; level: noise; prior: the same as the search takes it; at: rows at their pose; weight:
     (n,) roots of Student weights of these; search: sets visited; moments: [s] at which steps were
-    tried; settings: of effects whose variants were sought.
+    tried.
     """
 
     problem: Problem
@@ -69,7 +69,6 @@ class Posterior:
     weight: FloatArray
     search: Search
     moments: FloatArray
-    settings: Mapping[str, Sequence[tuple[str, Setting]]]
 
     @property
     def best(self) -> Optimum:
@@ -104,10 +103,7 @@ def posterior(problem: Problem) -> Posterior:
     rest = problem.rest(evaluate(problem.samples.rows(index), states)[0], index)
     size = problem.size(rest, index)[weight > 0.0]
     level = _level(problem, faults, robust_sigma(size))
-    prior, moments = _prior(level), moments_of(at.samples)
-    settings = _settings(problem, at, ())
-    first = _searched(problem, level, prior, at, weight, moments, settings, ())
-    return _again(first)
+    return _again(_searched(problem, level, at, weight, (), ()))
 
 
 def _again(first: Posterior) -> Posterior:
@@ -125,23 +121,20 @@ def _again(first: Posterior) -> Posterior:
     sigma = max(robust_sigma(size[sound]), first.prior.sigma if first.level.known else LEAST)
     weight = np.where(sound, student(size / sigma), 0.0)
     at = Linearised.at(problem, index, found.states)
-    settings = _settings(problem, at, _waves(first, at, weight / sigma))
-    start = tuple(first.search.best)
-    return _searched(
-        problem, first.level, first.prior, at, weight, first.moments, settings, (start,)
-    )
+    waves = _waves(first, at, weight / sigma)
+    return _searched(problem, first.level, at, weight, waves, (first.search.best,))
 
 
 def _searched(
     problem: Problem,
     level: Noise,
-    prior: NoisePrior,
     at: Linearised,
     weight: FloatArray,
-    moments: FloatArray,
-    settings: Mapping[str, Sequence[tuple[str, Setting]]],
+    waves: Sequence[Wave],
     starts: Sequence[Subset],
 ) -> Posterior:
+    prior, moments = _prior(level), moments_of(at.samples)
+    settings = _settings(problem, at, waves)
     candidates = [*candidates_of(problem, at, settings), *_classes(at, moments)]
     candidates += _wanders(problem, level, at)
     equations = Equations.of(candidates, at.z, row_roots(problem, at.index, weight))
@@ -155,7 +148,7 @@ def _searched(
         return sum(belief(problem, equations.by_key[k], found, equations) for k in found.keys)
 
     found = search(equations, prior, problem.always, starts, believed, len(at.index))
-    return Posterior(problem, level, prior, at, weight, found, moments, settings)
+    return Posterior(problem, level, prior, at, weight, found, moments)
 
 
 def belief(problem: Problem, candidate: Candidate, at: Optimum, equations: Equations) -> float:

@@ -337,14 +337,8 @@ def _without_each(
     """Yield each label, its rows of A, z, and products summed over the others, with the prior."""
     labels = np.unique(own).tolist()
     rows = [(A[own == k], z[own == k]) for k in labels]
-    products = [(P.T @ P, P.T @ q) for P, q in rows]
-    nothing = np.zeros((A.shape[1], A.shape[1])), np.zeros(A.shape[1])
-    behind = [nothing]
-    for H, b in reversed(products[1:]):
-        behind.append((behind[-1][0] + H, behind[-1][1] + b))
-    H, b = np.diag(prior), nothing[1]
-    for (k, (P, q)), own_products, (more, told) in zip(
-        zip(labels, rows, strict=True), products, reversed(behind), strict=True
-    ):
-        yield k, P, q, H + more, b + told
-        H, b = H + own_products[0], b + own_products[1]
+    H, b = np.stack([P.T @ P for P, _ in rows]), np.stack([P.T @ q for P, q in rows])
+    for number, (k, (P, q)) in enumerate(zip(labels, rows, strict=True)):
+        # summed, never taken from the whole: the difference may be rounding
+        others = np.arange(len(labels)) != number
+        yield k, P, q, H[others].sum(axis=0) + np.diag(prior), b[others].sum(axis=0)

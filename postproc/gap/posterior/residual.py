@@ -53,7 +53,8 @@ def dependences(
     """
     found, poses = [], _of_pose(samples)
     for name, functions in (poses | _of_columns(samples)).items():
-        test = _test(samples, residual, weight, context, functions, free)
+        is_per_joint = name in ("approach", "speed")
+        test = _test(samples, residual, weight, context, functions, is_per_joint, free)
         if test is not None:
             found.append(Dependence(name, *test, name not in poses))
     found.append(_neighbours(samples, residual, weight > 0))
@@ -99,13 +100,14 @@ def _test(
     weight: FloatArray,
     context: Projection,
     functions: FloatArray,
+    is_per_joint: bool,
     free: float,
 ) -> tuple[float, float] | None:
     """Return the probability by chance of what the residual follows, and its 3D rms [m]."""
     from scipy.special import fdtrc
 
     use = weight > 0
-    Z = _columns(samples, functions, functions.shape[1] == 6 and _is_per_joint(samples, functions))
+    Z = _columns(samples, functions, is_per_joint)
     Z = context.residual_of((Z * weight[:, None, None]).reshape(-1, Z.shape[2]))
     Z = Z.reshape(len(samples), 3, -1)[use].reshape(3 * int(use.sum()), -1)
     u, s, _ = np.linalg.svd(Z, full_matrices=False)
@@ -119,12 +121,6 @@ def _test(
     p = max(float(fdtrc(k, free - k, seen / k / max(chance, 1e-300))), _LEAST)
     excess = max(seen - k * chance, 0.0)
     return p, float(np.sqrt(excess / use.sum()) / np.median(weight[use]))
-
-
-def _is_per_joint(samples: Samples, functions: FloatArray) -> bool:
-    return samples.direction is functions or (
-        samples.qd is not None and functions.shape == samples.qd.shape
-    )
 
 
 def _columns(samples: Samples, functions: FloatArray, per_joint: bool) -> FloatArray:
