@@ -92,10 +92,8 @@ def route(checker: Checker, chosen: Chosen, *, goes_on: bool = False, runs: bool
     arriving = arriving[table.tag[arriving] > first]
     ends = _ends_into(checker, chosen, table.tag[arriving], arrives, leaves)
     as_line, blocked = _decide(checker, chosen, ends, findings, gaps, runs=runs)
-    rapid = problem.cell.motion.rapid_speed
     rows = arriving[as_line]
-    table.kind[rows] = MoveKind.LIN
-    table.speed[rows] = rapid
+    table.kind[rows], table.speed[rows] = MoveKind.LIN, problem.cell.motion.rapid_speed
     extra = [
         _detour_moves(problem, ends, row, way, table, arriving)
         for row, way in sorted(blocked.items())
@@ -184,12 +182,11 @@ def _first_and_last(
         (first, home, q[first], _HOME),
         (last, at_end, home, LEAVE + 2),
     ):
-        between = free_way(checker, start, goal, problem.placement.external[tag])
+        place, end = problem.placement.external[tag], goal if order == _HOME else start
+        between = free_way(checker, start, goal, place)
         if between is None:
-            place = problem.placement.external[tag]
-            detail = _walled_in(checker, home, place, "no path leads from home") or _walled_in(
-                checker, goal if order == _HOME else start, place
-            )
+            detail = _walled_in(checker, home, place, "no path leads from home")
+            detail = detail or _walled_in(checker, end, place)
             so = "no free path was found between home and here"
             findings.append(failure(problem, tag, Reason.COLLISION, detail or so))
             if not detail:
@@ -220,9 +217,8 @@ def _out_of_material(
 
 def _moves_to(problem: Problem, tag: int, order: int, q: FloatArray, kind: MoveKind) -> Moves:
     """Return rapid moves to joints (k, 6) one after the other."""
-    k = len(q)
     speed = problem.cell.motion.rapid_speed if kind is MoveKind.LIN else np.nan
-    tags, numbers = np.full(k, tag), order + np.arange(k)
+    tags, numbers = np.full(len(q), tag), order + np.arange(len(q))
     external = problem.placement.external[tags]
     there = (_poses(problem, q, external), q, external)
     return moves(tags, numbers, kind, MoveRole.RAPID, there, speed)
@@ -241,9 +237,8 @@ def _ends_into(
     good = np.flatnonzero(chosen.good)
     before = good[np.searchsorted(good, to) - 1]
     problem = checker.problem
-    top, lift = checker.strokes.top[before], problem.lifts[before]
-    heights = (top, _arrival_heights(problem, chosen)[to])
-    external = checker.problem.placement.external[to]
+    heights = checker.strokes.top[before], _arrival_heights(problem, chosen)[to]
+    external, lift = problem.placement.external[to], problem.lifts[before]
     return Ends(before, to, *heights, leaves[before], arrives[to], external, lift)
 
 
