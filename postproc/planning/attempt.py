@@ -161,7 +161,7 @@ class Attempt:
         findings += gave_up(self.checker, chosen, findings, sorted(self.refinement.gave_up))
         best = self.best
         if best is None:
-            best = along(self.between, search.tags, search.edges.index)
+            best = along(self.between, search.tags, search.keys.edges.index)
         take_joints(problem, chosen)
         findings += without_roll(search, chosen, best)
         if self.is_smooth or wishes.loss_bound is not None:

@@ -72,7 +72,7 @@ def _turn_faster(attempt: Attempt) -> bool:
     rungs = np.isin(chain, chain[search.broken]) & (joins.turn < np.pi)
     if search.failing.wanted or not rungs.any():
         return False
-    search.fast_turns[rungs], joins.turn[rungs] = True, np.pi
+    search.keys.fast_turns[rungs], joins.turn[rungs] = True, np.pi
     search.ladder.renew(np.flatnonzero(rungs))
     attempt.use(replace(search))
     return True

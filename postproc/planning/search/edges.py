@@ -7,25 +7,18 @@ more than the grid has.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import fields
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
-from postproc.arrays import AT_ONCE, ROUNDING, BoolArray, FloatArray, IndexArray
+from postproc.arrays import AT_ONCE, ROUNDING, BoolArray, FloatArray, IndexArray, Table
 from postproc.kinematics import STRETCHED, elbow_distance
 from postproc.planning.search.constants import EDGE_GAIN, EDGE_RISE, HALVINGS
 from postproc.planning.states import BRANCHES, Problem, States, StrokeEnds, evaluate
 from postproc.records import dataclass
 from postproc.units import TURN
 
-AnyArray = NDArray[Any]
-
 
 @dataclass(frozen=True, slots=True)
-class Edges:
+class Edges(Table):
     """For each of n tags the stiffest pose: index (n,) [N/m], spin (n,), branch (n,), q (n, 6).
 
     Angles [rad]. ``is_between`` (n,): it stands between two spins of the grid, at an edge; the
@@ -44,11 +37,6 @@ class Edges:
         n = len(index)
         where = np.zeros(n), np.zeros(n, dtype=np.int64), np.zeros((n, 6))
         return cls(index.astype(np.float64), *where, np.zeros(n, dtype=np.bool_))
-
-    def merged(self, other: Edges, join: Callable[[AnyArray, AnyArray], AnyArray]) -> Edges:
-        """Return these with those of other tags, each column joined by ``join``."""
-        names = [column.name for column in fields(self)]
-        return Edges(*(join(getattr(self, name), getattr(other, name)) for name in names))
 
 
 def best_of(states: States) -> FloatArray:

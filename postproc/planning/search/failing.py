@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 
 
 SEEN = 2
-"""The bit of ``PoseSearch.asked`` for poses of which it is known whether they collide."""
+"""The bit of ``Known.asked`` for poses of which it is known whether they collide."""
 _FLIP = 4
 """The bit of a branch that turns the wrist over: the arm before it and the tool stand alike."""
 
@@ -283,19 +283,19 @@ def also_colliding(search: PoseSearch, failing: IndexArray) -> IndexArray:
     next best way would mostly run into the next pose of the same region. Poses in a window stand on
     no grid, and a few rounds lead out of what is so near to a free one.
     """
-    states, reason = search.states, search.reason
-    found = [failing[reason[failing] == Reason.COLLISION]]
+    states, known = search.states, search.known
+    found = [failing[known.reason[failing] == Reason.COLLISION]]
     front = failing if search.options.window is None else failing[:0]
     while len(front):
         poses, likely = _around(search, front)
-        fresh = search.asked[poses] & SEEN == 0
+        fresh = known.asked[poses] & SEEN == 0
         poses, likely = poses[fresh], likely[fresh]
-        search.asked[poses] |= SEEN
+        known.asked[poses] |= SEEN
         tags, q = search.tags[states.tag_of(poses)], states.q[poses].astype(np.float64)
         verdict = search.checker.poses(tags, q, likely)
         fails = ~verdict.good
         front = poses[fails]
-        reason[front], search.pair[front] = verdict.reason[fails], verdict.pair[fails]
+        known.reason[front], known.pair[front] = verdict.reason[fails], verdict.pair[fails]
         found.append(front)
     return _copies(search, np.concatenate(found))
 
@@ -310,8 +310,8 @@ def _copies(search: PoseSearch, at: IndexArray) -> IndexArray:
     config, first = search.states.config, first_copies(search.states, at)
     row, step = numbered(np.searchsorted(config, config[at], side="right") - first)
     copies = first[row] + step
-    search.reason[copies] = Reason.COLLISION
-    search.pair[copies] = search.pair[at[row]]
+    search.known.reason[copies] = Reason.COLLISION
+    search.known.pair[copies] = search.known.pair[at[row]]
     return np.asarray(copies)
 
 
@@ -324,7 +324,7 @@ def _around(search: PoseSearch, at: IndexArray) -> tuple[IndexArray, IndexArray]
     states, fine = search.states, search.checker.problem.fine
     width, n = states.spins.shape[-1], len(states)
     own, tag = states.column[at].astype(np.int64), states.tag_of(at)
-    branch, pair = states.branch[at].astype(np.int64), search.pair[at] + np.int64(1)
+    branch, pair = states.branch[at].astype(np.int64), search.known.pair[at] + np.int64(1)
     tilt, spin = np.divmod(own, width)
     row, rung = _within(own * BRANCHES + branch, tag, ALONG, n)
     near, by = [_place(states, rung, own[row], branch[row])], [pair[row]]

@@ -41,68 +41,45 @@ def _is_long(
     problem = checker.problem
     is_plain = options.least is None and options.stretch is None and not options.parted
     is_plain &= len(problem.tilts) == 1 and problem.cell.optimize.loss_bound is None
-    return len(tags) > LAP + AHEAD and is_plain and not between.is_cut.any()
+    return len(checker.problem) == len(tags) > LAP + AHEAD and is_plain and not between.is_cut.any()
 
 
 def _lapped(
     checker: Checker, tags: IndexArray, options: SearchOptions, between: Interpolation
 ) -> PoseSearch | None:
     """Return the search over the poses that the laps chose; None where a tag has none."""
-    n = len(checker.problem)
-    own = Window(
-        spins=np.zeros((n, 1)),
-        branch=np.zeros(n, dtype=np.int64),
-        q=np.zeros((n, 6)),
-        tilt=np.zeros(n, dtype=np.int64),
-        best=np.full(n, np.nan),
-    )
-    edges = Edges.none(np.full(n, np.nan))
+    laps: list[tuple[Window, Edges]] = []
     for low in range(0, len(tags), LAP):
-        if not _took_lap(checker, tags, options, between, low, own, edges):
+        first, high = max(low - 1, 0), min(low + LAP, len(tags))
+        lap = PoseSearch.of(checker, tags[first : high + AHEAD], options, between)
+        if laps:
+            _begin_at(lap, laps[-1][0])
+        if (lap.found.path == NONE).any():
             return None
+        laps.append(_taken(lap, np.arange(low - first, high - first)))
+    own = Window.concat([window for window, _ in laps])
+    edges = Edges.concat([edges for _, edges in laps])
     whole = PoseSearch.of(checker, tags, replace(options, window=own), between)
     if len(whole.states.q) != len(tags):
         return None
-    whole.asked[:] |= CHECKED
-    own_edges = Edges(*(getattr(edges, name)[tags] for name in Edges.__slots__))
-    return replace(whole, edges=own_edges)
+    whole.known.asked[:] |= CHECKED
+    return replace(whole, keys=replace(whole.keys, edges=edges))
 
 
-def _begin_at(lap: PoseSearch, own: Window, tag: int) -> None:
-    """Leave of the first tag of a lap, ``tag``, the state alone in which the last one ended."""
+def _begin_at(lap: PoseSearch, before: Window) -> None:
+    """Leave of the first tag of a lap the state alone in which the one ``before`` ended."""
     count = int(lap.states.offsets[1])
-    off = np.abs(lap.states.q[:count] - own.q[tag]).max(axis=1)
-    off[lap.states.branch[:count] != own.branch[tag]] = np.inf
+    off = np.abs(lap.states.q[:count] - before.q[-1]).max(axis=1)
+    off[lap.states.branch[:count] != before.branch[-1]] = np.inf
     out = np.arange(count) != int(off.argmin())
     lap.ladder.cost[:count][out] = np.inf
 
 
-def _took_lap(
-    checker: Checker,
-    tags: IndexArray,
-    options: SearchOptions,
-    between: Interpolation,
-    low: int,
-    own: Window,
-    edges: Edges,
-) -> bool:
-    """Note in place what the lap from tag ``low`` on chose; return whether each tag has a pose."""
-    first, high = max(low - 1, 0), min(low + LAP, len(tags))
-    part = tags[first : high + AHEAD]
-    lap = PoseSearch.of(checker, part, options, between)
-    if first < low:
-        _begin_at(lap, own, int(part[0]))
-    path = lap.found.path
-    if (path == NONE).any():
-        return False
-    done = slice(low - first, high - first)
-    at, kept = part[done], path[done]
-    own.spins[at, 0], own.branch[at] = lap.states.spin_of(kept), lap.states.branch[kept]
-    own.q[at] = lap.states.q[kept]
-    if options.window is None:
-        own.best[at] = yardstick(checker.problem, lap.states, lap.edges)[done]
-    else:
-        own.best[at] = options.window.best[at]
-    for name in Edges.__slots__:
-        getattr(edges, name)[at] = getattr(lap.edges, name)[done]
-    return True
+def _taken(lap: PoseSearch, rows: IndexArray) -> tuple[Window, Edges]:
+    """Return what a lap chose for some of its tags, by rows (k,), and their stiffest poses."""
+    kept, states, known = lap.found.path[rows], lap.states, lap.options.window
+    best = yardstick(lap.checker.problem, states, lap.keys.edges)
+    best = best[rows] if known is None else known.best[lap.tags[rows]]
+    branch, q = states.branch[kept].astype(np.int64), states.q[kept].astype(np.float64)
+    spins, tilt = states.spin_of(kept)[:, None], np.zeros(len(rows), dtype=np.int64)
+    return Window(spins, branch, q, tilt, best), lap.keys.edges.rows(rows)

@@ -1,7 +1,7 @@
 """The search for the best states of tags: its graph, its checks, and why states and steps fail.
 
-A search is a record of columns, of key tags and of their states. What checks find out they note in
-the columns, in place. Other options make another search of it, as do more key tags or finer spins;
+A search is a record of key tags and of their states. What checks find out they note in columns, in
+place. Other options make another search of it, as do more key tags or finer spins;
 each keeps what is known.
 """
 
@@ -9,12 +9,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property, partial
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
-from postproc.arrays import AnyIntArray, BoolArray, IndexArray
+from postproc.arrays import AnyIntArray, BoolArray, IndexArray, Table
 from postproc.ladder import NONE, Found, Ladder, Rule, free_path
 from postproc.planning.checks import Checker, Evidence, Reason
 from postproc.planning.search.between import Interpolation
@@ -40,30 +39,59 @@ CHECKED, FREE = 1, 4
 ``SEEN``, whether it collides: that it is free, its stroke as well."""
 
 
+@dataclass(slots=True)
+class KeyTags(Table):
+    """Key tags (n,): ``stride``, every how many of the finest spins each has; its stiffest pose.
+
+    ``fast_turns``: whether the tool may turn into it as fast as it will.
+    """
+
+    tags: IndexArray
+    stride: IndexArray
+    fast_turns: BoolArray
+    edges: Edges
+
+    @classmethod
+    def of(cls, tags: IndexArray, stride: IndexArray, edges: Edges) -> KeyTags:
+        """Return tags (n,) into which the tool turns steadily."""
+        return cls(tags, stride, np.zeros(len(tags), dtype=np.bool_), edges)
+
+
+@dataclass(slots=True)
+class Known(Table):
+    """What is known of states (N,): ``reason`` and ``pair``, why each fails.
+
+    ``asked``: bits ``CHECKED``, ``SEEN``, ``FREE``; ``passed``: the state before from which the
+    step into it was found good.
+    """
+
+    reason: AnyIntArray
+    pair: AnyIntArray
+    asked: AnyIntArray
+    passed: AnyIntArray
+
+    @classmethod
+    def nothing(cls, size: int) -> Known:
+        """Return that nothing is known of states."""
+        flags, none = np.zeros((2, size), dtype=np.int8), np.full((2, size), NONE, dtype=np.int32)
+        return cls(flags[0], none[0], flags[1], none[1])
+
+
 @dataclass(frozen=True)
 class PoseSearch:
     """A search over key tags, and what is known of their states.
 
-    Tags between key tags follow by interpolation. Of each key tag (n,): ``stride``, every how many
-    of the finest spins it has; ``fast_turns``: whether the tool may turn into it as fast as it
-    will; ``edges``: its stiffest pose. Of each state (N,): ``reason`` and ``pair``, why it fails;
-    ``asked``: bits ``CHECKED``, ``SEEN``, ``FREE``; ``passed``: the state before from which the
-    step into it was found good. ``failing``: what became of steps and cuts that failed.
+    Tags between key tags follow by interpolation. ``failing``: what became of steps and cuts that
+    failed.
     """
 
     checker: Checker
     between: Interpolation
     options: SearchOptions
-    tags: IndexArray
-    stride: IndexArray
-    fast_turns: BoolArray
+    keys: KeyTags
     states: States
-    edges: Edges
+    known: Known
     ladder: Ladder
-    reason: AnyIntArray
-    pair: AnyIntArray
-    asked: AnyIntArray
-    passed: AnyIntArray
     failing: FailingCuts
 
     @classmethod
@@ -84,35 +112,34 @@ class PoseSearch:
         """
         options, problem = options or SearchOptions(), checker.problem
         between = between or Interpolation.of(problem)
-        stride, fast = np.full(len(tags), problem.fine), np.zeros(len(tags), dtype=np.bool_)
+        stride = np.full(len(tags), problem.fine)
         states, edges = states_on(problem, tags, stride, options)
-        size = len(states.q)
         search = cls(
             checker,
             between,
             options,
-            tags,
-            stride,
-            fast,
+            KeyTags.of(tags, stride, edges),
             states,
-            edges,
+            Known.nothing(len(states.q)),
             ladder_of(problem, between, tags, states, options),
-            reason=np.zeros(size, dtype=np.int8),
-            pair=np.full(size, NONE, dtype=np.int32),
-            asked=np.zeros(size, dtype=np.int8),
-            passed=np.full(size, NONE, dtype=np.int32),
-            failing=FailingCuts(between, SHORT if options.stretch is None else 0.0),
+            FailingCuts(between, SHORT if options.stretch is None else 0.0),
         )
         search.ladder.joins = search.joins_anew()
         if options.window is not None:
             own = options.window.tilt[tags] * states.spins.shape[-1]
-            search.asked[states.column == own[states.tag_of(np.arange(size))]] = SEEN | FREE
+            is_own = states.column == own[states.tag_of(np.arange(len(states.q)))]
+            search.known.asked[is_own] = SEEN | FREE
         return search
+
+    @property
+    def tags(self) -> IndexArray:
+        """(n,) key tags."""
+        return self.keys.tags
 
     def joins_anew(self) -> Joins:
         """Return what cuts may join, nothing of it worked out."""
-        at = self.tags, self.states, self.stride
-        return joins_of(self.checker.problem, self.between, *at, self.pinned, self.fast_turns)
+        at = self.tags, self.states, self.keys.stride
+        return joins_of(self.checker.problem, self.between, *at, self.pinned, self.keys.fast_turns)
 
     @property
     def joins(self) -> Joins:
@@ -173,17 +200,18 @@ class PoseSearch:
 
     def check_states(self, states: IndexArray) -> BoolArray:
         """Return whether states (m,) can be run, strokes and all; keeps the reasons."""
-        fresh = states[(self.reason[states] == Reason.NONE) & (self.asked[states] & CHECKED == 0)]
-        self.asked[fresh] |= CHECKED
+        known = self.known
+        fresh = states[(known.reason[states] == Reason.NONE) & (known.asked[states] & CHECKED == 0)]
+        known.asked[fresh] |= CHECKED
         branch = self.states.branch[fresh].astype(np.int64)
         q = self.states.q[fresh].astype(np.float64)
         tags, first = self.tags[self.states.tag_of(fresh)], first_copies(self.states, fresh)
-        attitude, free = self.states.attitude_of(fresh), self.asked[first] & FREE > 0
+        attitude, free = self.states.attitude_of(fresh), known.asked[first] & FREE > 0
         verdict = self.checker.states(tags, q, attitude, branch, free)
-        self.reason[fresh], self.pair[fresh] = verdict.reason, verdict.pair
-        self.asked[first] |= SEEN
-        self.asked[first[verdict.good]] |= FREE
-        return np.asarray(self.reason[states] == Reason.NONE)
+        known.reason[fresh], known.pair[fresh] = verdict.reason, verdict.pair
+        known.asked[first] |= SEEN
+        known.asked[first[verdict.good]] |= FREE
+        return np.asarray(known.reason[states] == Reason.NONE)
 
     def check_steps(self, before: IndexArray, after: IndexArray) -> BoolArray:
         """Return whether steps (m,) are to be kept.
@@ -195,14 +223,16 @@ class PoseSearch:
         good = np.ones(len(after), dtype=np.bool_)
         rungs = self.states.tag_of(after)
         first, last = self.tags[np.maximum(rungs - 1, 0)], self.tags[rungs]
-        to_do = (self.passed[after] != before) & (self.between.is_cut[last] | (last > first + 1))
+        to_do = (self.known.passed[after] != before) & (
+            self.between.is_cut[last] | (last > first + 1)
+        )
         rows = np.flatnonzero(to_do)
         if not len(rows):
             return good
         spans = self.spans(before[rows], after[rows])
         judged = judge(self.checker, self.between, spans)
         fine = judged.good(len(rows))
-        self.passed[after[rows[fine]]] = before[rows[fine]]
+        self.known.passed[after[rows[fine]]] = before[rows[fine]]
         good[rows] = ~self.failing.taken_out(spans, judged)
         return good
 
@@ -253,7 +283,7 @@ class PoseSearch:
 
         A state remembers one cut into it alone: others that were found good are judged again.
         """
-        good = self.passed[after] == before
+        good = self.known.passed[after] == before
         again = np.flatnonzero(~good)
         if len(again):
             spans = self.spans(before[again], after[again])
@@ -279,8 +309,8 @@ class PoseSearch:
         return Evidence(
             self.tags,
             self.states,
-            self.reason,
-            self.pair,
+            self.known.reason,
+            self.known.pair,
             {row: break_at(self, row) for row in broken.tolist()},
             chosen.at(self.tags),
         )
@@ -299,8 +329,6 @@ def with_options(known: PoseSearch, options: SearchOptions) -> PoseSearch:
 def grown(known: PoseSearch, tags: IndexArray, stride: IndexArray) -> PoseSearch:
     """Return a search with more key tags (m,), or with those known on a finer grid of spins.
 
-    Every column is that of the tags and states kept, with those of the new ones put in.
-
     Args:
         known: what was searched.
         tags: (m,) rising.
@@ -309,38 +337,25 @@ def grown(known: PoseSearch, tags: IndexArray, stride: IndexArray) -> PoseSearch
     problem, between, options = known.checker.problem, known.between, known.options
     new, edges = states_on(problem, tags, stride, options)
     join = merged(known.states, known.tags, new, tags)
-    kept, old = np.isin(known.tags, tags, invert=True), np.flatnonzero(join.source >= 0)
-
-    def by_tag(column: NDArray[Any], new: object) -> NDArray[Any]:
-        result = np.empty((len(join.tags), *column.shape[1:]), dtype=column.dtype)
-        result[join.is_new], result[~join.is_new] = new, column[kept]
-        return result
-
-    def by_state(column: NDArray[Any], new: object) -> NDArray[Any]:
-        result = np.full(len(join.source), new, dtype=column.dtype)
-        result[old] = column[join.source[old]]
-        return result
-
+    old = np.flatnonzero(join.source >= 0)
     moved = np.full(len(known.states.q) + 1, NONE, dtype=np.int64)
     moved[join.source[old]] = old
+    keys = known.keys.rows(np.isin(known.tags, tags, invert=True))
+    keys = KeyTags.concat([keys, KeyTags.of(tags, stride, edges)])
+    of_states = Known.concat([known.known, Known.nothing(1)]).rows(join.source)  # -1: the last row
+    of_states.passed = moved[of_states.passed].astype(np.int32)
     search = PoseSearch(
         known.checker,
         between,
         options,
-        join.tags,
-        by_tag(known.stride, stride),
-        by_tag(known.fast_turns, False),
+        keys.rows(np.argsort(keys.tags)),
         join.states,
-        known.edges.merged(edges, by_tag),
+        of_states,
         ladder_of(problem, between, join.tags, join.states, options),
-        by_state(known.reason, 0),
-        by_state(known.pair, NONE),
-        by_state(known.asked, 0),
-        moved[by_state(known.passed, NONE)].astype(np.int32),
         replace(known.failing, looked_at={}),
     )
     ladder, joins = search.ladder, search.joins_anew()
-    ladder.cost[by_state(known.out, False)] = np.inf
+    ladder.cost[np.append(known.out, False)[join.source]] = np.inf
     ladder.joins, before = joins, known.joins
     if isinstance(joins, Bridges) and isinstance(before, Bridges):  # leans are told anew
         rung = np.where(join.is_new, NONE, known.tags.searchsorted(join.tags))

@@ -38,7 +38,7 @@ class Refinement:
         """Return tags to take as key tags, and the stride of each; none if all is said."""
         n = len(self.between.way)
         stride = np.zeros(n, dtype=np.int64)
-        stride[search.tags] = search.stride
+        stride[search.tags] = search.keys.stride
         asked = np.zeros(n, dtype=np.int64)
         base = search.checker.problem.fine
         wanted = search.failing.wanted
@@ -93,7 +93,7 @@ class Refinement:
                 finer = np.minimum(stride, base)
                 new = np.isin(window, search.tags, invert=True).any()
                 at = np.searchsorted(search.tags, window[np.isin(window, search.tags)])
-                new |= bool((search.stride[at] > finer).any())
+                new |= bool((search.keys.stride[at] > finer).any())
                 if new:
                     asked[window] = np.where(
                         asked[window] == 0, finer, np.minimum(asked[window], finer)
@@ -101,6 +101,6 @@ class Refinement:
                     break
             self.tries[number] = attempt
             span = (search.tags >= low) & (search.tags < high)
-            searched = span.sum() == high - low and (search.stride[span] <= _FINER).all()
+            searched = span.sum() == high - low and (search.keys.stride[span] <= _FINER).all()
             if attempt == len(_WINDOWS) and not (asked[low:high] > 0).any() and not searched:
                 self.gave_up.add(tag)

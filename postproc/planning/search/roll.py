@@ -26,7 +26,7 @@ from postproc.model import CUTS, MotionKind
 from postproc.planning.checks import Checker, Lines, Reason, failure
 from postproc.planning.search.constants import MAIN_STEP, OWN_SPINS, PRICED, STEADY_BAND
 from postproc.planning.search.pose_search import PoseSearch
-from postproc.planning.search.rungs import price_of_lack, shares, tolls_of
+from postproc.planning.search.rungs import price_of_lack, shares
 from postproc.planning.states import BRANCHES, Chosen, Placement, evaluate, strokes_into
 from postproc.units import DEG, TURN
 
@@ -184,9 +184,7 @@ def _price(
     stops = np.repeat(chosen.q[stand][:, None], s, axis=1)
     stops[np.isin(rungs, at)] = way[keys]
     linked = chosen.good[stand[1:]] & chosen.good[stand[:-1]] & ~chosen.entry[stand[1:]]
-    ends = (side.reshape(-1, 6) for side in (stops[:-1], stops[1:]))
     steps = search.ladder.weight[rungs[1:], None] * (np.diff(stops, axis=0) ** 2).sum(axis=2)
-    steps += tolls_of(problem, search.options.parted, *ends).reshape(-1, s)
     price += steps[linked].sum(axis=0)
     return np.where(can_be_run, price, np.inf)
 

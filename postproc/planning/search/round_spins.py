@@ -38,12 +38,13 @@ def on_round_spins(search: PoseSearch, chosen: Chosen, *, at_edges: bool) -> Cho
     best = np.full(len(problem), np.nan)
     known = search.options.window
     best[tags] = (
-        yardstick(problem, search.states, search.edges) if known is None else known.best[tags]
+        yardstick(problem, search.states, search.keys.edges) if known is None else known.best[tags]
     )
     chain, edge = np.cumsum(~between.is_cut), chosen.spin.copy()
     alone = np.bincount(chain)[chain[tags]] == 1
-    alone &= search.edges.is_between & (search.edges.branch == chosen.branch[tags])
-    edge[tags[alone]] = search.edges.spin[alone]
+    edges = search.keys.edges
+    alone &= edges.is_between & (edges.branch == chosen.branch[tags])
+    edge[tags[alone]] = edges.spin[alone]
     window = Window.around(problem, chosen, best, edge if at_edges else None)
     shut = np.zeros(len(problem), dtype=np.bool_)
     while True:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from postproc.arrays import AT_ONCE, ROUNDING, BoolArray, FloatArray, IndexArray
+from postproc.arrays import AT_ONCE, ROUNDING, BoolArray, FloatArray, IndexArray, Table
 from postproc.geometry import angle_between
 from postproc.kinematics import wrapped
 from postproc.ladder import NONE, Ladder, Rule, Tolls
@@ -91,12 +91,11 @@ class Parted(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Window:
+class Window(Table):
     """Spins about a pose of each of N tags: spins (N, S), branch (N,), q (N, 6) [rad].
 
     The first spin of each is that of the pose itself, which is known to be free. ``tilt`` (N,):
-    number of its tilt. ``best``
-    (N,) [N/m]: index that losses are priced against.
+    number of its tilt. ``best`` (N,) [N/m]: index that losses are priced against.
     """
 
     spins: FloatArray
@@ -255,12 +254,12 @@ def _in_window(
     problem: Problem, tags: IndexArray, window: Window
 ) -> tuple[States, Edges, FloatArray]:
     """Return as ``_on_grid`` the states of tags (n,) in a window."""
-    at = window.spins[tags], window.branch[tags], window.q[tags]
-    states = sample(problem, tags, *at, tilts=problem.tilts)
+    own = window.rows(tags)
+    states = sample(problem, tags, own.spins, own.branch, own.q, tilts=problem.tilts)
     tilt, owner = states.column // states.spins.shape[-1], states.tag_of(np.arange(len(states.q)))
     near = beside_in_grid(problem.tilts) | np.eye(len(problem.tilts), dtype=np.bool_)
-    states.cost[~near[window.tilt[tags][owner], tilt]] = np.inf
-    return states, Edges.none(best_of(states)), window.best[tags]
+    states.cost[~near[own.tilt[owner], tilt]] = np.inf
+    return states, Edges.none(best_of(states)), own.best
 
 
 def price_of_lack(index: FloatArray, least: FloatArray) -> FloatArray:
@@ -280,10 +279,7 @@ def yardstick(problem: Problem, states: States, edges: Edges) -> FloatArray:
 
 def _stuck(problem: Problem, tags: IndexArray, states: States) -> IndexArray:
     """Return the states at the ends of cuts from which the tool cannot back off along its axis."""
-    lift = problem.ways_out[tags]
-    starts, ends = states.offsets[:-1], states.offsets[1:]
-    found = [np.arange(starts[row], ends[row]) for row in np.flatnonzero(lift).tolist()]
-    rows = np.concatenate([np.zeros(0, dtype=np.int64), *found])
+    rows = np.flatnonzero(np.repeat(problem.ways_out[tags] > 0.0, np.diff(states.offsets)))
     at, q = tags[states.tag_of(rows)], states.q[rows].astype(np.float64)
     branch = states.branch[rows].astype(np.int64)
     return np.asarray(rows[~problem.way_out(at, states.attitude_of(rows), branch, q)[2]])
@@ -343,16 +339,6 @@ def _price_home(
 
 def _price_of_gap(problem: Problem) -> float:
     return PARTED * (1.0 if problem.cell.optimize.loss_bound is None else PARTED_BOUND)
-
-
-def tolls_of(
-    problem: Problem, parted: tuple[Parted, ...], before: FloatArray, after: FloatArray
-) -> FloatArray:
-    """Return the tolls (m,) of steps off the part from joints (m, 6) to joints (m, 6)."""
-    tolls = _tolls(parted, np.stack([before, after]), _price_of_gap(problem))
-    if tolls is None:
-        return np.zeros(len(before))
-    return np.asarray((tolls.leaves[0] * tolls.enters[1]).sum(axis=1))
 
 
 def _sides(parted: tuple[Parted, ...], q: NDArray[np.floating[Any]]) -> BoolArray:
