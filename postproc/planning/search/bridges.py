@@ -59,24 +59,6 @@ class Bridges:
         for rung in members(np.append(rungs, rungs + 1), len(self.states) + 1).tolist():
             self._known.pop(rung, None)
 
-    def take_over(self, known: Bridges, moved: IndexArray, kept: IndexArray) -> None:
-        """Take the runs of the same graph before tags were added or replaced.
-
-        Args:
-            known: of that graph.
-            moved: (N of ``known`` + 1,) the state that each became here, ``NONE`` if gone.
-            kept: (n,) the rung that each of these tags had there, ``NONE`` for a new one.
-        """
-        here = np.flatnonzero(kept != NONE)
-        self._stale[here] = known._stale[kept[here]]
-        old = np.flatnonzero((moved[:-1] != NONE) & (known.run != NONE))
-        self.run[moved[old]] = moved[known.run[old]]
-        both = here[1:][(np.diff(here) == 1) & (np.diff(kept[here]) == 1)]
-        same = (self.loose[both] == known.loose[kept[both]]).tolist()
-        for rung, before, alike in zip(both.tolist(), kept[both].tolist(), same, strict=True):
-            if alike and before in known._known:
-                self._known[rung] = known._known[before]
-
     def classes(self, i: int, cost: FloatArray) -> Joined:
         """Return the classes of the states of rung ``i`` and of the one before; which may join.
 

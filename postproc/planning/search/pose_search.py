@@ -17,7 +17,6 @@ from postproc.arrays import AnyIntArray, BoolArray, IndexArray, Table
 from postproc.ladder import NONE, Found, Ladder, Rule, free_path
 from postproc.planning.checks import Checker, Evidence, Reason
 from postproc.planning.search.between import Interpolation
-from postproc.planning.search.bridges import Bridges
 from postproc.planning.search.constants import SHORT, STUCK
 from postproc.planning.search.cuts import Spans, fill, judge
 from postproc.planning.search.edges import Edges
@@ -354,14 +353,10 @@ def grown(known: PoseSearch, tags: IndexArray, stride: IndexArray) -> PoseSearch
         ladder_of(problem, between, join.tags, join.states, options),
         replace(known.failing, looked_at={}),
     )
-    ladder, joins = search.ladder, search.joins_anew()
-    ladder.cost[np.append(known.out, False)[join.source]] = np.inf
-    ladder.joins, before = joins, known.joins
-    if isinstance(joins, Bridges) and isinstance(before, Bridges):  # leans are told anew
-        rung = np.where(join.is_new, NONE, known.tags.searchsorted(join.tags))
-        joins.take_over(before, moved, rung)
+    search.ladder.cost[np.append(known.out, False)[join.source]] = np.inf
+    search.ladder.joins = search.joins_anew()
     anew = np.flatnonzero(join.is_new)[:, None] + np.arange(2)
-    ladder.take_over(known.ladder, moved, np.unique(np.minimum(anew, len(join.tags) - 1)))
+    search.ladder.take_over(known.ladder, moved, np.unique(np.minimum(anew, len(join.tags) - 1)))
     return search
 
 
