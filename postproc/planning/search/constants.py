@@ -88,10 +88,8 @@ OFTEN = 4
 """Every so often the cheapest steps between two tags are checked, ..."""
 MOST_LOOKED_AT = 5000
 """... so many of them at most, ..."""
-SWEPT = 5.0
-"""... and no longer than this together [m] all along, ..."""
 LEAST_LOOKED_AT = 32
-"""... but never fewer; so few at first ..."""
+"""... so few at first ..."""
 MOSTLY = 0.5
 """... and twice as many again while more than this share of them fails. Without such looks long
 steps take six times as long."""

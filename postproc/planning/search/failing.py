@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from postproc.arrays import TINY, BoolArray, FloatArray, IndexArray, numbered
+from postproc.arrays import BoolArray, FloatArray, IndexArray, numbered
 from postproc.ladder import Failing, Steps
 from postproc.planning.checks import Break, Reason
 from postproc.planning.search.between import Interpolation
@@ -35,7 +35,6 @@ from postproc.planning.search.constants import (
     MOSTLY,
     OFTEN,
     SHORT,
-    SWEPT,
     TAKEN_OUT,
     TAKEN_WITHIN,
 )
@@ -88,13 +87,8 @@ class FailingCuts:
         return result
 
 
-@dataclass(slots=True)
-class _Suspects:
-    """Steps (k, 2) to a tag still to be looked at, and how many of them all along."""
-
-    tag: int
-    pairs: IndexArray
-    left: int
+Suspects = list[tuple[int, IndexArray]]
+"""Tags, and the steps (k, 2) to each that are still to be looked at."""
 
 
 def also_failing(search: PoseSearch, steps: Steps, failing_of: Failing) -> Steps:
@@ -106,7 +100,7 @@ def also_failing(search: PoseSearch, steps: Steps, failing_of: Failing) -> Steps
     with a cut over tags between: it costs too much.
     """
     known: Steps = []
-    suspects: list[_Suspects] = []
+    suspects: Suspects = []
     for a, b in steps:
         rung = int(search.states.tag_of(np.array([b]))[0])
         tag = int(search.tags[rung])
@@ -121,39 +115,35 @@ def also_failing(search: PoseSearch, steps: Steps, failing_of: Failing) -> Steps
         else:
             pairs = _alike(search, rung, a, b)
         pairs = pairs[~np.isin(_codes(search, pairs), looked_at)]
-        length = float(np.diff(search.between.way[[tag - 1, tag]])[0])
-        count = int(min(MOST_LOOKED_AT, max(LEAST_LOOKED_AT, SWEPT / max(length, TINY))))
-        suspects.append(_Suspects(tag, pairs[:MOST_LOOKED_AT], count))
+        suspects.append((tag, pairs[:MOST_LOOKED_AT]))
     size = LEAST_LOOKED_AT
-    while suspects := [one for one in suspects if len(one.pairs) and one.left]:
-        known += _look(search, suspects, size, failing_of)
+    while suspects := [(tag, pairs) for tag, pairs in suspects if len(pairs)]:
+        found, suspects = _look(search, suspects, size, failing_of)
+        known += found
         size *= 2
     return known
 
 
-def _look(search: PoseSearch, suspects: list[_Suspects], size: int, failing_of: Failing) -> Steps:
-    """Look at the first steps of each, in place; return those that fail.
+def _look(
+    search: PoseSearch, suspects: Suspects, size: int, failing_of: Failing
+) -> tuple[Steps, Suspects]:
+    """Look at the first steps to each tag; return those that fail, and what is left to look at.
 
     What most of them pass is not looked at any more.
     """
-    parts = [one.pairs[:size] for one in suspects]
+    parts = [pairs[:size] for _, pairs in suspects]
     some = np.concatenate(parts)
     joints = replace(search.checker, scene=None)
     spans = search.spans(some[:, 0], some[:, 1])
     good = judge(joints, search.between, spans).good(len(some))
-    ends = np.cumsum([len(part) for part in parts])[:-1]
     failing = _as_steps(some[~good])
-    open_ = [
-        part[fine][: one.left]
-        for one, part, fine in zip(suspects, parts, np.split(good, ends), strict=True)
-    ]
-    bad = {*failing, *failing_of(sorted(set(_as_steps(np.concatenate(open_)))))}
-    for one, part, tried in zip(suspects, parts, open_, strict=True):
+    bad = {*failing, *failing_of(sorted(set(_as_steps(some[good]))))}
+    left: Suspects = []
+    for (tag, pairs), part in zip(suspects, parts, strict=True):
         fails = np.array([step in bad for step in _as_steps(part)])
-        _note(search, one.tag, part)
-        one.left -= len(tried)
-        one.pairs = one.pairs[size:] if fails.mean() > MOSTLY else part[:0]
-    return sorted(bad)
+        _note(search, tag, part)
+        left.append((tag, pairs[size:] if fails.mean() > MOSTLY else part[:0]))
+    return sorted(bad), left
 
 
 def _beside(search: PoseSearch, rung: int, a: int, b: int) -> IndexArray:
