@@ -1,10 +1,10 @@
 """Where a search must look closer before it may say that something cannot be run.
 
 A cut that fails between key tags and cannot be gone round gets key tags where it fails. Where no
-way is left on the grid, all tags around the break become key tags and their spins are searched in
-finer steps, then farther out, then those of the whole cut. What is still without a way then is
-refuted: every spin of the finest grid, in every branch, at every tag. So is where the best sequence
-leads from tag to tag as no free path was found to.
+way is left on the grid, all tags around the break become key tags, and their spins are searched in
+the finest steps. What is still without a way is refuted then, in a cut that is no longer: every
+spin of the finest grid, in every branch, at every tag. So is where the best sequence leads from tag
+to tag as no free path was found to.
 """
 
 from __future__ import annotations
@@ -20,18 +20,15 @@ from postproc.planning.search.constants import MOST_REFINED, MOST_STATES
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.records import dataclass
 
-_FINER = 2
-_WINDOWS = ((300, 1), (10**9, _FINER))
-"""Tags to each side of a break, and the stride on the finest grid of spins, tried in turn; no
-larger one than that of the cell's grid."""
+_AROUND = 300
+"""So many tags to each side of a break are searched on the finest grid of spins."""
 
 
 @dataclass(slots=True)
 class Refinement:
-    """What was looked at more closely so far: the windows tried in each chain."""
+    """Where the search looks closer, and the tags at which it ``gave_up``."""
 
     between: Interpolation
-    tries: dict[int, int] = field(default_factory=dict)
     gave_up: set[int] = field(default_factory=set)
 
     def next(self, search: PoseSearch) -> tuple[IndexArray, IndexArray]:
@@ -46,7 +43,7 @@ class Refinement:
             asked[tag] = base
         if not wanted:
             self._around_empties(search, asked, base)
-            self._around_breaks(search, asked, base)
+            self._around_breaks(search, asked)
             self._around_gaps(search, asked)
         more = (asked > 0) & ((stride == 0) | (asked < stride))
         tags = np.flatnonzero(more)
@@ -78,29 +75,14 @@ class Refinement:
         both = np.union1d(into - 1, into)
         asked[search.tags[both[~search.pinned[both]]]] = 1
 
-    def _around_breaks(self, search: PoseSearch, asked: IndexArray, base: int) -> None:
-        """Ask for more tags and spins around the breaks of cuts."""
+    def _around_breaks(self, search: PoseSearch, asked: IndexArray) -> None:
+        """Ask for all tags around the breaks of cuts, and for the finest spins there."""
         chain = np.cumsum(~self.between.is_cut)
-        for row in np.flatnonzero(search.broken).tolist():
-            tag = int(search.tags[row])
-            number = int(chain[tag])
-            low, high = np.searchsorted(chain, [number, number + 1]).tolist()
-            attempt = self.tries.get(number, 0)
-            while attempt < len(_WINDOWS):
-                reach, stride = _WINDOWS[attempt]
-                attempt += 1
-                window = np.arange(max(low, tag - reach), min(high, tag + reach + 1))
-                finer = np.minimum(stride, base)
-                new = np.isin(window, search.tags, invert=True).any()
-                at = np.searchsorted(search.tags, window[np.isin(window, search.tags)])
-                new |= bool((search.keys.stride[at] > finer).any())
-                if new:
-                    asked[window] = np.where(
-                        asked[window] == 0, finer, np.minimum(asked[window], finer)
-                    )
-                    break
-            self.tries[number] = attempt
-            span = (search.tags >= low) & (search.tags < high)
-            searched = span.sum() == high - low and (search.keys.stride[span] <= _FINER).all()
-            if attempt == len(_WINDOWS) and not (asked[low:high] > 0).any() and not searched:
+        for tag in search.tags[search.broken].tolist():
+            low, high = np.searchsorted(chain, chain[tag] + np.arange(2)).tolist()
+            window = np.arange(max(low, tag - _AROUND), min(high, tag + _AROUND + 1))
+            asked[window] = 1
+            at = np.searchsorted(search.tags, window)
+            known = search.tags[np.minimum(at, len(search.tags) - 1)] == window
+            if len(window) < high - low and known.all() and (search.keys.stride[at] == 1).all():
                 self.gave_up.add(tag)
