@@ -194,30 +194,30 @@ def states_on(
 ) -> tuple[States, Edges]:
     """Return the states of tags (n,) on their grids of spins, and the stiffest."""
     spins, pin = pinned_spins(problem, tags)
-    pinned = pin != NONE
-    states, edges, best = (
-        _on_grid(problem, tags, spins, stride, pinned)
-        if options.window is None
-        else _in_window(problem, tags, options.window)
-    )
-    price = problem.settings.weights.price
+    pinned, window = pin != NONE, options.window
+    if window is None:
+        states = sample_on(problem, tags, spins, stride)
+        edges = edges_of(problem, tags, states, pinned, problem.fine)
+        best = yardstick(problem, states, edges)
+    else:
+        states, best = _in_window(problem, tags, window.rows(tags))
+        edges = Edges.none(best_of(states))
+    price, cost = problem.settings.weights.price, states.cost
     is_bound = problem.cell.optimize.loss_bound is not None
     for low in range(0, len(tags), AT_ONCE):
         edge = states.offsets[low : low + AT_ONCE + 1]
         part = np.arange(int(edge[0]), int(edge[-1]))
-        of_state = np.repeat(best[low : low + AT_ONCE], np.diff(edge))
+        row, index = states.tag_of(part), states.index[part]
         lack = _irregularity(problem, tags, states, part, options)
         counted = 1.0 if is_bound else 1.0 - lack
-        states.cost[part] += lack + price(1.0 - counted * states.index[part] / of_state)
-    if options.least is not None:
-        owner = states.tag_of(np.arange(len(states.q)))
-        free = ~pinned[owner]
-        states.cost[free] += price_of_lack(states.index[free], options.least[tags][owner[free]])
-    states.cost[_stuck(problem, tags, states)] += STUCK
-    if pinned.any() and options.window is None:
-        owner = states.tag_of(np.arange(len(states.q)))
-        column = states.column % spins.shape[-1]
-        states.cost[pinned[owner] & (column != pin[owner])] = np.inf
+        cost[part] += lack + price(1.0 - counted * index / best[row])
+        if options.least is not None:
+            wanted = price_of_lack(index, options.least[tags][row])
+            cost[part] += np.where(pinned[row], 0.0, wanted)
+        if window is None:
+            off = states.column[part] % spins.shape[-1] != pin[row]
+            cost[part[pinned[row] & off]] = np.inf
+    cost[_stuck(problem, tags, states)] += STUCK
     return states, edges
 
 
@@ -241,28 +241,16 @@ def _irregularity(
     return lack
 
 
-def _on_grid(
-    problem: Problem, tags: IndexArray, spins: FloatArray, stride: IndexArray, pinned: BoolArray
-) -> tuple[States, Edges, FloatArray]:
-    """Return the states of tags (n,) on their grids, the stiffest, and the yardstick (n,)."""
-    states = sample_on(problem, tags, spins, stride)
-    edges = edges_of(problem, tags, states, pinned, problem.fine)
-    return states, edges, yardstick(problem, states, edges)
-
-
-def _in_window(
-    problem: Problem, tags: IndexArray, window: Window
-) -> tuple[States, Edges, FloatArray]:
-    """Return as ``_on_grid`` the states of tags (n,) in a window."""
-    own = window.rows(tags)
+def _in_window(problem: Problem, tags: IndexArray, own: Window) -> tuple[States, FloatArray]:
+    """Return the states of tags (n,) in their window (n,), and the yardstick (n,)."""
     states = sample(problem, tags, own.spins, own.branch, own.q, tilts=problem.tilts)
     tilt, owner = states.column // states.spins.shape[-1], states.tag_of(np.arange(len(states.q)))
     near = beside_in_grid(problem.tilts) | np.eye(len(problem.tilts), dtype=np.bool_)
     states.cost[~near[own.tilt[owner], tilt]] = np.inf
-    return states, Edges.none(best_of(states)), own.best
+    return states, own.best
 
 
-def price_of_lack(index: FloatArray, least: FloatArray) -> FloatArray:
+def price_of_lack(index: NDArray[np.floating[Any]], least: FloatArray) -> FloatArray:
     """Return what poses (m,) cost whose index is below the least (m,) [N/m] that is asked for."""
     lacking = 1.0 - index / least
     return np.where(index < least, DEAR + DEARER * np.nan_to_num(lacking), 0.0)
