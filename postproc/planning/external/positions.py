@@ -26,13 +26,9 @@ from postproc.planning.external.rating import (
 from postproc.process import AXIS_SHARE
 from postproc.records import dataclass
 
-_PATIENCE = 2
-"""After so many refusals of a carried cut the axes are held at the places that are left, and of a
-held one that cannot be entered or left it is carried."""
-
 CALM = 0.5
-"""Steps on the grid are smoothed over so much way [m]; less where the arm cannot follow."""
-_LEAST_CALM, _MOST_CALM = 0.02, 16.0
+"""Steps on the grid are smoothed over so much way [m]; less where a plan was refused."""
+_MOST_CALM = 16.0
 _MICRON = 6
 """Positions are rounded to so many digits [m or rad], as program text can hold them."""
 
@@ -130,7 +126,7 @@ class Positions:
             low, high = self.rating.units[unit]
             run = runs[run_of(runs, low)]
             stepped = run.external[self.rating.knots[self.rating.knots_of(unit)] - run.low]
-            way = smoothed(self.rating, unit, stepped, self._open_loss(unit), calm)
+            way = smoothed(self.rating, unit, stepped, calm)
             run.external[low - run.low : high - run.low] = way
         return runs
 
@@ -156,7 +152,7 @@ class Positions:
                 continue
             tag = run.low + finding.tag_index
             units = enumerate(self.rating.units)
-            unit, ends = next(((i, (a, b - 1)) for i, (a, b) in units if a <= tag < b))
+            unit = next(i for i, (a, b) in units if a <= tag < b)
             position = int(self.rating.nearest(run.external[tag - run.low][None])[0])
             again = ways.get(unit, False)
             if unit in moving:
@@ -164,13 +160,8 @@ class Positions:
                 again |= self._close_knot(unit, tag, position)
             elif not self.closed[unit, position]:
                 self.closed[unit, position] = True
-                again |= self._elsewhere(unit, position, tag in ends)
+                again |= self._elsewhere(unit, position)
             ways[unit] = again
-        for unit in moving & self.carried.keys():
-            if self.refused[unit] >= _PATIENCE and self._left(unit).any():
-                self.calm.pop(unit, None)
-                self.carried.pop(unit, None)
-                ways[unit] = True
         return any(way for unit, way in ways.items() if unit not in self.rating.walled)
 
     def _left(self, unit: int) -> BoolArray:
@@ -185,18 +176,16 @@ class Positions:
         can_move = (self._open_loss(unit) < UNREACHED).any(axis=1).all()
         return bool(self._left(unit).any() or (self.may_be_cut_moving(unit) and can_move))
 
-    def _elsewhere(self, unit: int, position: int, is_at_end: bool) -> bool:
+    def _elsewhere(self, unit: int, position: int) -> bool:
         """Look for another way for a unit refused at a position; return whether there is one.
 
-        Where the arm had no free pose at some knot, or could not come or go, another place may
-        serve. Else it is the way from pose to pose that fails, as it will elsewhere: the axes carry
-        the work along it.
+        Where the arm had no free pose at some knot another place may serve. Else it is the way from
+        pose to pose that fails, as it will elsewhere: the axes carry the work along it.
         """
         self.rating.avoid_collisions(unit)
         left, loss = self._left(unit), self.rating.loss_of(unit)
         is_blocked = loss.max(axis=0) >= BLOCKED
-        may_serve = is_blocked[position] or (is_at_end and self.closed[unit].sum() <= _PATIENCE)
-        if may_serve and (left & ~is_blocked).any():
+        if is_blocked[position] and (left & ~is_blocked).any():
             return True
         if not self.refused[unit] and self.carry(unit):
             return True
@@ -213,38 +202,24 @@ class Positions:
         return bool((~self.shut[knot] & (loss < UNREACHED)).any())
 
 
-def smoothed(
-    rating: Rating, unit: int, stepped: FloatArray, loss: FloatArray, length: float
-) -> FloatArray:
+def smoothed(rating: Rating, unit: int, stepped: FloatArray, length: float) -> FloatArray:
     """Return where the axes stand (n, k) at each tag of a moving cut; its ends stay.
 
-    It is smoothed less where the arm would come to positions at which it has no free pose, as far
-    as it has one where it is stepped, and more where an axis would be too slow for the feed.
+    It is smoothed more where an axis would be too slow for the feed.
 
     Args:
         rating: of the toolpath.
         unit: the cut.
         stepped: (m, k) where the axes stand at its knots, on the grid.
-        loss: (m, g) of its knots at the positions of the grid.
         length: to smooth over [m].
     """
     low, high = rating.units[unit]
-    knots, rows = rating.knots[rating.knots_of(unit)], np.arange(len(stepped))
+    knots = rating.knots[rating.knots_of(unit)]
     way = rating.way[knots]
-    bound = loss[rows, rating.nearest(stepped)] + 0.5 * BLOCKED
-
-    def over(length: float) -> tuple[FloatArray, bool]:
-        value = _calmed(way, stepped, length)
-        return value, bool((loss[rows, rating.nearest(value)] < bound).all())
-
-    value, fits = over(length)
-    while not fits and length >= 2.0 * _LEAST_CALM:
-        length *= 0.5
-        value, fits = over(length)
-    while fits and length < _MOST_CALM and _too_fast(rating, knots, value):
+    value = _calmed(way, stepped, length)
+    while length < _MOST_CALM and _too_fast(rating, knots, value):
         length *= 2.0
-        calmer, fits = over(length)
-        value = calmer if fits else value
+        value = _calmed(way, stepped, length)
     curve = _curve(way, value, rating.way[low:high])
     curve[[0, -1]] = stepped[[0, -1]]
     stands = np.ptp(stepped, axis=0) == 0.0  # digits would move it
