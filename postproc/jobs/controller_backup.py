@@ -10,17 +10,24 @@ from postproc.cell import Cell, cell_toml
 from postproc.errors import Finding, Severity
 from postproc.jobs.arm_doubts import finding_at
 
-_CODES = {Severity.ERROR: "BAK101", Severity.WARNING: "BAK102", Severity.NOTE: "BAK103"}
-
 
 def compare_backup(cell: Cell, path: str | Path) -> tuple[BackupComparison, tuple[Finding, ...]]:
     """Return where a cell and a controller differ, also as findings with their line in the cell."""
     comparison = compare(cell, read_backup(path))
     toml = cell_toml(cell)
-    findings = [
-        finding_at(toml, d.severity, _CODES[d.severity], d.text, *_as_written(d.at, toml.data))
-        for d in comparison.differences
-    ]
+    findings = []
+    for difference in comparison.differences:
+        how, at = difference.severity, _as_written(difference.at, toml.data)
+        is_error, is_warning = how is Severity.ERROR, how is Severity.WARNING
+        findings.append(
+            finding_at(
+                toml,
+                how,
+                "BAK101" if is_error else "BAK102" if is_warning else "BAK103",
+                difference.text,
+                *at,
+            )
+        )
     return comparison, tuple(findings)
 
 
