@@ -171,10 +171,10 @@ class Station:
         tools = self.cell.tools
         if len(tools) == 1:
             T = T_part_robroot @ T_robroot_flange @ tools[0].T_flange_tcp
-            return T[:, :3, 3], T[:, :3, :3] @ tools[0].axis
+            return T[:, :3, 3].copy(), T[:, :3, :3] @ tools[0].axis
         own = self.tool[row]
         T = T_part_robroot @ T_robroot_flange @ self.cell.tcp_of(own)
-        return T[:, :3, 3], np.einsum("nij,nj->ni", T[:, :3, :3], self.cell.axes_of(own))
+        return T[:, :3, 3].copy(), np.einsum("nij,nj->ni", T[:, :3, :3], self.cell.axes_of(own))
 
     def turned_to_part(
         self, vectors: FloatArray, external: FloatArray, row: AnyIntArray
@@ -237,12 +237,16 @@ class _Solver:
     def run(self) -> Paths:
         """Return the joint paths."""
         waiting = self._joint_targets()
+        joint = np.flatnonzero(~self.trace.is_cp)
+        # from one joint motion to another, so that memory stays bounded
+        parts = joint[np.flatnonzero(np.diff(self.first[joint] // _CHUNK, prepend=0))]
         start = 0
-        for index in [*waiting.tolist(), len(self.trace)]:
+        for index in [*np.union1d(waiting, parts).tolist(), len(self.trace)]:
             self._paths(start, index)
-            if index < len(self.trace):
+            if index < len(self.trace) and index in waiting:
                 self._nearest_target(index)
             start = index
+        self._note_unreachable()
         self._resolve()
         ends = self.curves.T_robroot_flange
         end_point, end_axis = self.station.in_part(ends, self.external, np.arange(len(ends)))
@@ -377,7 +381,6 @@ class _Solver:
         self.q_sample[low:high] = _continued(principal, run, heads, q_start, self.kinematics)
         ends = np.r_[row[1:] != row[:-1], True]
         self.q[row[ends]] = self.q_sample[low:high][ends]
-        self._note_unreachable(row, principal)
 
     def _run_starts(self, rows: AnyIntArray) -> FloatArray:
         """Return the joints (r, 6) in which runs of path motions begin."""
@@ -464,8 +467,8 @@ class _Solver:
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(length > 0.0, length / speed, self.curves.angle / turning)
 
-    def _note_unreachable(self, row: AnyIntArray, principal: FloatArray) -> None:
-        lost = np.unique(row[~np.isfinite(principal[:, 0])])
+    def _note_unreachable(self) -> None:
+        lost = np.unique(self.row[~np.isfinite(self.q_sample[:, 0])])
         for motion in lost[:20].tolist():
             more = f" ({len(lost)} such motions)" if len(lost) > 20 else ""
             self._finding(

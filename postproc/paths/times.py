@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from postproc.arrays import AnyIntArray, FloatArray
+from postproc.arrays import AT_ONCE, AnyIntArray, FloatArray
 from postproc.cell import Cell, Robot, Tool
 from postproc.controller import Blend, EventWord
 from postproc.kinematics import dynamics_of
@@ -255,14 +255,21 @@ def speed_shares(paths: Paths, cell: Cell) -> FloatArray:
 
 
 def _shares(paths: Paths, cell: Cell, times: FloatArray) -> FloatArray:
-    first = np.r_[True, paths.row[1:] != paths.row[:-1]]
-    external = paths.curves.external_at(paths.row, paths.share, paths.external)
-    sample = np.hstack([paths.q_sample, external])
-    at_start = np.hstack([paths.q, paths.external])[np.maximum(paths.row - 1, 0)]
-    before = np.where(first[:, None], at_start, np.roll(sample, 1, axis=0))
-    share = np.where(first, paths.share, paths.share - np.roll(paths.share, 1))
-    dt = times[paths.row] * share
-    with np.errstate(divide="ignore", invalid="ignore"):
-        needed = np.abs(sample - before) / dt[:, None] / top_speeds(cell)
-    needed[(paths.row == 0) | ~(dt > _TINY)] = np.nan
-    return np.where(np.isfinite(needed), needed, 0.0)
+    top = top_speeds(cell)
+    needed = np.zeros((len(paths.row), len(top)))
+    for low in range(0, len(needed), AT_ONCE):
+        own = slice(max(low - 1, 0), low + AT_ONCE)  # with the sample before
+        row, share = paths.row[own], paths.share[own]
+        first = np.diff(row, prepend=-1) != 0
+        sample = np.hstack(
+            [paths.q_sample[own], paths.curves.external_at(row, share, paths.external)]
+        )
+        start = np.maximum(row - 1, 0)
+        at_start = np.hstack([paths.q[start], paths.external[start]])
+        before = np.where(first[:, None], at_start, np.roll(sample, 1, axis=0))
+        dt = times[row] * np.where(first, share, share - np.roll(share, 1))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            shares = np.abs(sample - before) / dt[:, None] / top
+        shares[(row == 0) | ~(dt > _TINY)] = np.nan
+        needed[low : own.stop] = np.where(np.isfinite(shares), shares, 0.0)[low - own.start :]
+    return needed

@@ -7,11 +7,12 @@ centre passes near axis 1, or the arm is nearly stretched: a mean over a longer 
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray, Rows, taken
+from postproc.arrays import AT_ONCE, BoolArray, FloatArray, IndexArray, Rows, taken
 
 PlacesAt = Callable[[IndexArray, FloatArray, FloatArray], FloatArray]
 """Places (k, d) at shares (k,) of motions (k,), near to places (k, d); NaN out of reach."""
@@ -36,6 +37,12 @@ class Samples(NamedTuple):
         """Return those samples."""
         return Samples(self.row[mine], self.share[mine], taken(self.places, mine))
 
+    @classmethod
+    def joined(cls, parts: list[Samples]) -> Samples:
+        """Return the samples of all parts."""
+        row, share, places = zip(*parts, strict=True)
+        return cls(np.concatenate(row), np.concatenate(share), np.concatenate(places))
+
 
 def resolved(samples: Samples, time: FloatArray, top: FloatArray, places_at: PlacesAt) -> Samples:
     """Return samples with more between them until the largest speed of each motion is known.
@@ -50,6 +57,17 @@ def resolved(samples: Samples, time: FloatArray, top: FloatArray, places_at: Pla
         top: (d,) largest speeds [rad/s or m/s].
         places_at: where the axes are in between.
     """
+    # whole motions at a time, so that memory stays bounded
+    starts = np.unique(np.searchsorted(samples.row, samples.row[:: 10 * AT_ONCE]))
+    own = [slice(*ends) for ends in pairwise([*starts.tolist(), len(samples.row)])]
+    parts = [Samples(samples.row[one], samples.share[one], samples.places[one]) for one in own]
+    finer = [_resolved(part, time, top, places_at) for part in parts]
+    if all(one is other for one, other in zip(finer, parts, strict=True)):
+        return samples
+    return Samples.joined(finer)
+
+
+def _resolved(samples: Samples, time: FloatArray, top: FloatArray, places_at: PlacesAt) -> Samples:
     known, unsure = _speeds(samples, time, top)
     fine, found = samples, known
     open_ = np.zeros(len(time), dtype=np.bool_)
@@ -69,8 +87,7 @@ def resolved(samples: Samples, time: FloatArray, top: FloatArray, places_at: Pla
     if not more.any():
         return samples
     parts = [samples.of(~more[samples.row]), *(part.of(more[part.row]) for part in [*done, fine])]
-    row, share, places = zip(*parts, strict=True)
-    joined = Samples(np.concatenate(row), np.concatenate(share), np.concatenate(places))
+    joined = Samples.joined(parts)
     return joined.of(np.lexsort((joined.share, joined.row)))
 
 

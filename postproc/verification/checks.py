@@ -10,7 +10,7 @@ from postproc.arrays import AnyIntArray, BoolArray, FloatArray
 from postproc.controller import Blend, EventWord
 from postproc.errors import RunKind, Severity
 from postproc.kinematics import STRETCHED, elbow_distance, shoulder_distance, wrist_distance
-from postproc.paths import SLOWEST, Paths, speed_shares
+from postproc.paths import SLOWEST, speed_shares
 from postproc.units import DEG, MM, PERCENT
 from postproc.verification.report import Measure, Remark, Said
 from postproc.verification.run import Run
@@ -26,16 +26,19 @@ _HELD = 1e-5
 
 def check_joints(run: Run) -> Iterator[Said]:
     """Check limits and distances to singularities at all ends and samples."""
-    paths = run.paths
-    m = len(paths.q)
-    q = np.concatenate([paths.q, paths.q_sample])
-    motion = np.concatenate([np.arange(m), paths.row])
-    on_path = np.concatenate([_touches_path(paths), np.ones(len(paths.row), dtype=np.bool_)])
+    paths, joint = run.paths, ~run.paths.trace.is_cp
+    begins = joint & np.r_[~joint[1:], False]  # a path motion there; the last sample is its end
+    alone = np.flatnonzero(joint & ~begins)
+    ends = np.concatenate([alone, np.flatnonzero(begins)])
+    q = np.concatenate([paths.q[ends], paths.q_sample])
+    motion = np.concatenate([ends, paths.row])
     known = np.isfinite(q).all(axis=1)
-    q, motion, on_path = q[known], motion[known], on_path[known]
+    on_path = slice(int(known[: len(alone)].sum()), None)
+    if not known.all():
+        q, motion = q[known], motion[known]
     if len(q):
         yield from _limits(run, q, motion)
-    if on_path.any():
+    if len(q[on_path]):
         yield from _singularities(run, q[on_path], motion[on_path])
 
 
@@ -79,12 +82,6 @@ def check_held(run: Run) -> Iterator[Said]:
         if len(bad):
             text = f"{axis.name} moves while the tool cuts, and moves_in_cuts is false: {len(bad)}"
             yield Remark(RunKind.EXTERNAL, int(bad[0]), f"{text} motions")
-
-
-def _touches_path(paths: Paths) -> BoolArray:
-    """Return which motions end a path or stand where one begins."""
-    is_cp = paths.trace.is_cp
-    return np.asarray(is_cp | np.r_[is_cp[1:], False])
 
 
 def _limits(run: Run, q: FloatArray, motion: AnyIntArray) -> Iterator[Said]:

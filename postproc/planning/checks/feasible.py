@@ -138,6 +138,15 @@ class Track:
     share: FloatArray
     q: FloatArray
 
+    @classmethod
+    def joined(cls, parts: dict[int, Track]) -> Track:
+        """Return the tracks of motions that stand one behind the other, by the first of each."""
+        return cls(
+            np.concatenate([part.row + low for low, part in parts.items()]),
+            np.concatenate([part.share for part in parts.values()]),
+            np.concatenate([part.q for part in parts.values()]),
+        )
+
 
 @dataclass(slots=True)
 class Checker:
@@ -292,16 +301,12 @@ class Checker:
         """Return the joint paths of CP motions; notes what stands against them."""
         if len(lines) <= AT_ONCE:
             return self._tracked(lines, verdict)
-        parts: list[Track] = []
+        parts: dict[int, Track] = {}
         for low in range(0, len(lines), AT_ONCE):
             own = slice(low, low + AT_ONCE)
-            part = self._tracked(lines.cut(own), Verdict(verdict.reason[own], verdict.pair[own]))
-            parts.append(Track(part.row + low, part.share, part.q))
-        return Track(
-            np.concatenate([part.row for part in parts]),
-            np.concatenate([part.share for part in parts]),
-            np.concatenate([part.q for part in parts]),
-        )
+            found = Verdict(verdict.reason[own], verdict.pair[own])
+            parts[low] = self._tracked(lines.cut(own), found)
+        return Track.joined(parts)
 
     def _tracked(self, lines: Lines, verdict: Verdict) -> Track:
         row, share = self._shares(lines)

@@ -80,13 +80,16 @@ def route(checker: Checker, chosen: Chosen, *, goes_on: bool = False, runs: bool
     problem = checker.problem
     findings: list[Finding] = []
     gaps: list[Gap] = []
-    holes = hole_moves(problem, checker.strokes, chosen)
     arrives, leaves = _ends(checker, chosen)
     findings += _shut_in(checker, chosen, arrives)
-    parts = [*holes, *cut_moves(problem, chosen, arrives, leaves)]
-    parts += _free_tags(problem, chosen)
-    parts += _first_and_last(checker, chosen, arrives, leaves, findings, gaps, goes_on=goes_on)
-    table = in_order(parts)
+    table = in_order(
+        [
+            *hole_moves(problem, checker.strokes, chosen),
+            *cut_moves(problem, chosen, arrives, leaves),
+            *_free_tags(problem, chosen),
+            *_first_and_last(checker, chosen, arrives, leaves, findings, gaps, goes_on=goes_on),
+        ]
+    )
     first = np.flatnonzero(chosen.good).min(initial=len(chosen.good))
     arriving = np.nonzero((table.kind == MoveKind.PTP) & (table.order == ARRIVE))[0]
     arriving = arriving[table.tag[arriving] > first]

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from postproc.arrays import ROUNDING, BoolArray, FloatArray, IndexArray
+from postproc.arrays import AT_ONCE, ROUNDING, BoolArray, FloatArray, IndexArray
 from postproc.errors import Finding, Severity
 from postproc.geometry import rotation_angle
 from postproc.model import MoveKind, MoveRole
@@ -74,11 +74,9 @@ def timed(
     cannot be run (``runs``) no corner is blended: how far one may be takes long to find out.
     """
     problem = checker.problem
-    rows, lines, track = _paced(checker, table)
+    rows, lines, track, cap, orientation = _paced(checker, table)
     length = np.zeros(len(table))
     length[rows] = lines.length
-    cap, orientation = np.full(len(table), np.inf), np.full(len(table), np.nan)
-    cap[rows], orientation[rows] = _caps(problem, lines, track)
     speed = _capped(problem, table, rows, cap, findings)
     blend = wished_blends(problem, replace(table, speed=speed), length, stops_before)
     if runs and not any(finding.is_error for finding in findings):
@@ -114,15 +112,19 @@ def least_of_moves(problem: Problem, table: Moves) -> FloatArray:
 
 def followed_speeds(checker: Checker, table: Moves) -> FloatArray:
     """Return the path speeds (m,) [m/s] of moves, lowered to what the axes follow; NaN for PTP."""
-    rows, lines, track = _paced(checker, table)
-    cap, speed = np.full(len(table), np.inf), np.full(len(table), np.nan)
-    cap[rows] = _caps(checker.problem, lines, track)[0]
+    rows, _, _, cap, _ = _paced(checker, table)
+    speed = np.full(len(table), np.nan)
     speed[rows] = _followed(table.speed, cap, least_of_moves(checker.problem, table))[rows]
     return speed
 
 
-def _paced(checker: Checker, table: Moves) -> tuple[IndexArray, Lines, Track]:
-    """Return the rows of path moves, their lines, and their joint paths at the speeds asked."""
+def _paced(
+    checker: Checker, table: Moves
+) -> tuple[IndexArray, Lines, Track, FloatArray, FloatArray]:
+    """Return the rows of path moves, their lines, and their joint paths at the speeds asked.
+
+    And for all moves what ``_caps`` says of these.
+    """
     is_path = table.kind != MoveKind.PTP
     is_path[:1] = False
     rows = np.nonzero(is_path)[0]
@@ -137,8 +139,14 @@ def _paced(checker: Checker, table: Moves) -> tuple[IndexArray, Lines, Track]:
         external=(table.external[rows - 1], table.external[rows]),
         arcs=table.arcs.rows(rows),
     )
-    track = checker.track(lines, Verdict.clean(len(lines)))
-    return rows, lines, _raced(checker.problem, lines, track, table.speed[rows])
+    cap, orientation = np.full(len(table), np.inf), np.full(len(table), np.nan)
+    parts: dict[int, Track] = {}
+    for low in range(0, max(len(rows), 1), AT_ONCE):
+        at, own = rows[low : low + AT_ONCE], lines.cut(slice(low, low + AT_ONCE))
+        track = checker.track(own, Verdict.clean(len(own)))
+        parts[low] = _raced(checker.problem, own, track, table.speed[at])
+        cap[at], orientation[at] = _caps(checker.problem, own, parts[low])
+    return rows, lines, Track.joined(parts), cap, orientation
 
 
 def is_too_fast(problem: Problem, lines: Lines, track: Track, least: FloatArray) -> BoolArray:
