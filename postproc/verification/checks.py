@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from postproc.arrays import AnyIntArray, BoolArray, FloatArray
+from postproc.arrays import AT_ONCE, AnyIntArray, BoolArray, FloatArray
 from postproc.controller import Blend, EventWord
 from postproc.errors import RunKind, Severity
-from postproc.kinematics import STRETCHED, elbow_distance, shoulder_distance, wrist_distance
+from postproc.kinematics import (
+    STRETCHED,
+    Kinematics,
+    elbow_distance,
+    shoulder_distance,
+    wrist_distance,
+)
 from postproc.paths import SLOWEST, speed_shares
 from postproc.units import DEG, MM, PERCENT
 from postproc.verification.report import Measure, Remark, Said
@@ -124,7 +130,7 @@ def _ways_home(run: Run, q: FloatArray, motion: AnyIntArray) -> tuple[BoolArray,
 
 def _singularities(run: Run, q: FloatArray, motion: AnyIntArray) -> Iterator[Said]:
     cell, kinematics = run.cell, run.kinematics
-    wrist = wrist_distance(kinematics, q)
+    wrist = _by_parts(wrist_distance, kinematics, q)
     row = int(wrist.argmin())
     yield Measure("wrist_singularity", float(wrist[row] / DEG), "deg", int(motion[row]), "A5")
     bad = wrist < cell.limits.singularity - SLACK
@@ -134,14 +140,22 @@ def _singularities(run: Run, q: FloatArray, motion: AnyIntArray) -> Iterator[Sai
             f"{cell.limits.singularity / DEG:g} deg, {len(np.unique(motion[bad]))} motions"
         )
         yield Remark(RunKind.SINGULARITY, int(motion[row]), text)
-    elbow = elbow_distance(kinematics, q)
+    elbow = _by_parts(elbow_distance, kinematics, q)
     row = int(elbow.argmin())
     yield Measure("stretched_arm", float(elbow[row] / DEG), "deg", int(motion[row]), "A3")
     if elbow[row] < STRETCHED:
         detail = f"the arm is within {elbow[row] / DEG:.2f} deg of being stretched"
         yield Remark(RunKind.STRETCHED, int(motion[row]), detail, Severity.WARNING)
     if kinematics.arm is not None:
-        yield from _overhead(shoulder_distance(kinematics, q), motion)
+        yield from _overhead(_by_parts(shoulder_distance, kinematics, q), motion)
+
+
+def _by_parts(
+    distance: Callable[[Kinematics, FloatArray], FloatArray], kinematics: Kinematics, q: FloatArray
+) -> FloatArray:
+    """Return distances (k,) of configurations (k, 6), so that memory stays bounded."""
+    parts = [distance(kinematics, q[at : at + AT_ONCE]) for at in range(0, len(q), AT_ONCE)]
+    return np.concatenate(parts)
 
 
 def _overhead(distance: FloatArray, motion: AnyIntArray) -> Iterator[Said]:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from postproc.arrays import AnyIntArray, BoolArray, FloatArray, taken
+from postproc.arrays import AT_ONCE, AnyIntArray, BoolArray, FloatArray, taken
 from postproc.controller import Blend, MotionType
 from postproc.errors import RunKind, Severity
 from postproc.geometry import inverse
@@ -134,19 +134,23 @@ def check_corner_ways(run: Run, scene: Scene, rows: AnyIntArray) -> Iterator[Rem
     The cutting solid may touch the workpiece between two motions that cut.
     """
     at, is_cut = run.bent[rows], run.is_cut
-    bound = bound_of(run.kinematics, run.corners.rows(rows))
-    for row in np.flatnonzero(bound.lost)[:AT_MOST].tolist():
+    lost, wrist, pair = np.zeros(len(at), dtype=np.bool_), np.zeros(len(at)), np.zeros_like(at)
+    for low in range(0, len(at), AT_ONCE):
+        own = slice(low, low + AT_ONCE)
+        bound = bound_of(run.kinematics, run.corners.rows(rows[own]))
+        hits = scene.check_corners(bound, is_cut[at[own]] & is_cut[at[own] + 1])
+        lost[own], wrist[own], pair[own] = bound.lost, bound.wrist, hits.pair
+    for row in np.flatnonzero(lost)[:AT_MOST].tolist():
         text = "where the arm goes at this approximated corner is not known: it leaves its posture"
         yield Remark(RunKind.CORNER, int(at[row]), text, Severity.ERROR)
     limit = run.cell.limits.singularity
-    for row in np.flatnonzero(~bound.lost & (bound.wrist < NEARER * limit))[:AT_MOST].tolist():
-        least, least_allowed = max(bound.wrist[row], 0.0) / DEG, limit / DEG
+    for row in np.flatnonzero(~lost & (wrist < NEARER * limit))[:AT_MOST].tolist():
+        least, least_allowed = max(wrist[row], 0.0) / DEG, limit / DEG
         text = f"A5 may come within {least:.3f} deg of the straight wrist at this approximated "
         text += f"corner, expected at least {least_allowed:g} deg"
         yield Remark(RunKind.CORNER, int(at[row]), text)
-    hits = scene.check_corners(bound, is_cut[at] & is_cut[at + 1])
-    for row in np.flatnonzero(hits.hit)[:AT_MOST].tolist():
-        one, two = hits.pairs[int(hits.pair[row])]
+    for row in np.flatnonzero(pair >= 0)[:AT_MOST].tolist():
+        one, two = scene.pairs[int(pair[row])]
         text = f"{one} may hit {two} where this corner is approximated"
         yield Remark(RunKind.COLLISION, int(at[row]), text)
 
