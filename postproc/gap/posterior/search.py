@@ -304,14 +304,18 @@ def climbed(state: Search, here: Subset, without: Subset = ()) -> Subset:
 
 def _look_around(state: Search, here: Subset) -> None:
     """Look at sets with candidates dropped, one exchanged, or one in the place of two."""
-    at, least = state.found[here], state.score(here) - _NEAR
-    scan = state.scan(at)
+    at, top = state.found[here], state.score(here)
+    scan, off = state.scan(at), 0.0
     for size in (1, 2):
         for gone in itertools.combinations(here, size):
             base = tuple(k for k in here if k not in gone)
             alone, told = state.promising(scan, gone, count=_TRIED + 1)
-            if alone > least:
+            if alone > top - _NEAR:
                 state.optimum(base, at)
+            own = [worth for worth, key, _ in told if key in gone]
+            if size == 1:
+                off = max(off, top - own[0]) if own else off
+            least = (own[0] if own and size == 1 else top - off) - _NEAR
             for worth, key, scale in told:
                 if key not in gone and worth > least:
                     state.optimum((*base, key), at, ((key, scale),))
