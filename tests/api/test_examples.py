@@ -47,6 +47,7 @@ def test_integrator_goes_on_after_a_bad_part(holes, tmp_path):
     assert (tmp_path / "out" / "row.src").exists()
 
 
+@pytest.mark.slow
 def test_ci_check_sees_a_changed_and_an_edited_program(holes, tmp_path):
     job = pp.convert(holes, CELL)
     job.write(tmp_path)

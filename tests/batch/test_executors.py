@@ -24,6 +24,7 @@ def _job(name):
     return Job(name, ConvertRequest(source=f"{name}.csv", cell="cell.toml"))
 
 
+@pytest.mark.slow
 def test_hanging_dying_and_hungry_jobs(monkeypatch):
     monkeypatch.setattr(child_module, "run_job", misbehave)
     jobs = [_job(name) for name in ("a", "hang", "b", "die", "c", "eat", "d")]
@@ -85,6 +86,7 @@ def test_names_count_from_the_folder_of_the_call(tmp_path):
     assert "BAT034" in gone.errors[0]
 
 
+@pytest.mark.slow
 def test_a_scheduler_that_accepts_and_is_silent_is_given_up():
     with socket.create_server(("127.0.0.1", 0)) as server:
         address = f"tcp://127.0.0.1:{server.getsockname()[1]}"

@@ -64,6 +64,7 @@ def test_tags_out_of_reach_are_one_sentence_with_the_move_that_frees_them(part, 
     assert call(capsys, *arguments, short)[0] == 1
 
 
+@pytest.mark.slow
 @pytest.mark.causes
 def test_a_hole_is_never_offered_a_tilt(part, capsys):
     (part / "holes.csv").write_text("".join(HOLES.splitlines(keepends=True)[:3]))

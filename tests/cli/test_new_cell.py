@@ -177,6 +177,7 @@ def drilling(count=4, step=60.0, axis=(0, 0, 1)):
     return "\n".join(["x,y,z,i,j,k,depth,feed", *rows, ""])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("robot", "tool", "count", "step", "axis"),
     [

@@ -167,6 +167,7 @@ def test_simple_solids_enclose_the_outlines():
             assert InsideTest(hull, parts_of(hull)).contains(link.vertices.mean(axis=0)[None]).all()
 
 
+@pytest.mark.slow
 def test_outlines_are_convex_pieces():
     """Each frustum of every arm is closed, turned outwards and on one side of all its faces."""
     for name in robot_names():

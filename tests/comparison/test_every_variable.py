@@ -49,6 +49,7 @@ def assignments():
     yield from ("BAS(#ACC_CP,37)", "BAS(#ACC_PTP,37)", "BAS(#VEL_PTP,37)", "BAS(#VEL_CP,0.037)")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("folder", "name"), [("trim_5axis", "trim"), ("rail_milling", "")])
 def test_no_assignment_is_same_and_good(folder, name):
     cell = load_cell(FIXTURES / folder / "cell.toml")

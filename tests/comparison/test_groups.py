@@ -126,6 +126,7 @@ EDITS = {
 }
 
 
+@pytest.mark.slow
 def test_the_first_line_says_what_was_done(made, capsys):
     failures = []
     for name, (edit, expected) in EDITS.items():

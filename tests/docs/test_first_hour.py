@@ -78,6 +78,7 @@ def hour(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.causes
 def test_every_answer_names_what_where_and_what_next(hour, capsys, monkeypatch):
     monkeypatch.chdir(hour)

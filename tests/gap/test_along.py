@@ -112,6 +112,7 @@ def _swap(pair):
     return pair[0], bent_path(), pair[1]
 
 
+@pytest.mark.slow
 def test_the_gap_is_told_by_stretch(bench, tmp_path, capsys):
     _, path, joints, origin = bench
     rng = np.random.default_rng(1)

@@ -54,6 +54,7 @@ def written(world, folder, forms, cause, n):
     return path, read_measurements(folder / "fresh.csv")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("forms", "cause"),
     [

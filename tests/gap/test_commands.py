@@ -91,6 +91,7 @@ def spoilt(path, name, change):
     return other
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "change"),
     [("temp_C", lambda v: v + 273.15), ("q", lambda v: v * 3.141592653589793 / 180.0)],

@@ -41,6 +41,7 @@ def missed(prediction, rows):
     return float(np.sqrt(np.mean(np.sum((prediction.points - rows.position) ** 2, axis=1))))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MACHINE)
 def test_one_cause_over_small_errors_of_the_frames(name, campaign, kinematics, cell):
     noise = 2e-5
@@ -72,6 +73,7 @@ OUTSIDE = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", OUTSIDE)
 def test_a_cause_outside_of_the_library_gets_no_name(name, campaign, kinematics, cell):
     rows, _ = campaign(43, {name: 1.2e-4}, n=160, noise=2e-5, background=1e-4)
@@ -80,6 +82,7 @@ def test_a_cause_outside_of_the_library_gets_no_name(name, campaign, kinematics,
     assert not set(diagnosis.adopted) - FRAMES
 
 
+@pytest.mark.slow
 def test_three_causes_at_once(campaign, kinematics, cell):
     causes = {"joint_compliance": 3e-4, "backlash": 2e-4, "gravity_sag": 3e-4}
     rows, _ = campaign(44, causes, n=350, noise=2e-5, background=1e-4)
@@ -97,6 +100,7 @@ def test_a_missing_column_is_said_and_nothing_else_blamed(campaign, kinematics, 
     assert missing["backlash"] == [f"dir{i}" for i in range(1, 7)]
 
 
+@pytest.mark.slow
 def test_an_unknown_column_is_found(campaign, kinematics, cell, world, tmp_path):
     """Less than the noise is enough, alone and beside a cause ten times as large."""
     humidity = np.random.default_rng(1).uniform(30.0, 70.0, 200)

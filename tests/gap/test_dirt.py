@@ -82,6 +82,7 @@ def test_swapped_readings_of_neighbours_are_exchanged(diagnosed, register):
     assert found["adopted"] == ["backlash"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("names", "factor", "register"),
     [

@@ -133,6 +133,7 @@ def off_the_circle(folder, seat, plane, sweep, sense):
     return np.abs([*off, *(last - at(sense * sweep))]).max(), way
 
 
+@pytest.mark.slow
 def test_an_arc_of_the_text_is_the_circle_of_the_file(tmp_path):
     found = {case: off_the_circle(tmp_path, *case) for case in dict.fromkeys(CASES)}
     wrong = {

@@ -24,6 +24,7 @@ def test_pecks(tmp_path):
         plan(replace(toolpath, cycles=tuple(small)), cell_in(tmp_path))
 
 
+@pytest.mark.slow
 def test_turns_of_arcs(tmp_path):
     head = "UNITS/MM\nMULTAX/ON\nFEDRAT/300,MMPM\nGOTO/50,0,0,0,0,1\n"
     arc = "MOVARC/0,0,0,0,0,1,50,ANGLE,3600000\nGOTO/50,0,100,0,0,1\n"

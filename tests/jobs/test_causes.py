@@ -18,6 +18,7 @@ All kinds and more of each:
 ``python -m tests.jobs.broken``."""
 
 
+@pytest.mark.slow
 def test_what_is_broken_is_named_and_the_cure_is_proven(tmp_path):
     found = {case: told(*case, tmp_path) for case in SAMPLE}
     assert [(case, *one) for case, one in found.items() if one is None or one[1]] == []
@@ -57,6 +58,7 @@ def test_the_sentence_stands_first_and_in_the_document(folder, capfd):
     assert app.run(call.split()) == 0
 
 
+@pytest.mark.slow
 def test_two_causes_are_two_sentences(folder):
     text = (folder / "cell.toml").read_text()
     lid = '[[obstacles]]\nname = "lid"\nbox = { size_mm = [500, 500, 20] }\n'

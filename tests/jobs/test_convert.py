@@ -107,6 +107,7 @@ def test_the_same_input_gives_the_same_bytes(tmp_path, cell, run):
     assert all(b"\r\n" in content for content in one.values())
 
 
+@pytest.mark.slow
 def test_the_panel_converts_with_its_page(tmp_path, run):
     code, document, err = run(
         "convert", PANEL / "panel.csv", "--cell", PANEL / "cell.toml", "-o", tmp_path / "out",

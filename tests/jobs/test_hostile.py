@@ -37,6 +37,7 @@ def test_statements_that_go_on_without_end(tmp_path):
         assert time.process_time() - start < 5.0
 
 
+@pytest.mark.slow
 def test_expressions_of_xacro_without_end(tmp_path, monkeypatch):
     pytest.importorskip("xacrodoc")
     monkeypatch.setattr(xacro, "_SECONDS", 2)

@@ -17,6 +17,7 @@ SPINDLE = '[process]\nspindle = "unit"\n[motion]\nfeed_mm_min = 300\n'
 HOLES = "x,y,z,i,j,k,depth\n0,0,0,0,0,1,5\n60,0,0,0,0,1,5\n0,60,0,0,0,1,5\n"
 
 
+@pytest.mark.slow
 def test_a_place_is_found_where_there_is_one(tmp_path):
     cell, toolpath, box, _ = part(np.random.default_rng(3), tmp_path)
     job = place(toolpath, cell, box)
@@ -51,6 +52,7 @@ def test_the_robot_goes_to_the_part(folder, capfd):
     assert convert(ConvertRequest("h.csv", "n.toml"), None, toolpath, new).good
 
 
+@pytest.mark.slow
 def test_without_any_place_the_best_one_is_told_and_nothing_written(folder, capfd):
     call = "place h.csv --cell cell.toml --box 4000 0 0 4100 100 100 --json -o n.toml"
     assert app.run([*call.split(), "-q"]) == 1

@@ -95,6 +95,7 @@ BROKEN = {
 }
 
 
+@pytest.mark.slow
 def test_what_convert_cannot_read_is_no_solid_of_a_cell(shop, tmp_path, capsys):
     call = ["new-cell", "--robot", "kuka_kr500_r2830", "-o", str(tmp_path / "new.toml")]
     for name, content in BROKEN.items():

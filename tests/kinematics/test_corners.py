@@ -106,6 +106,7 @@ def turned_along(rng, T, count):
     return T[1, :3, :3] @ Rotation.from_rotvec(mixed).as_matrix()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("distance", "posture"),
     [

@@ -297,6 +297,7 @@ def test_beyond_the_end_of_the_rail(make_cell, make_path):
     assert all(abs(toolpath.points[f.tag_index, 1]) > 3.5 for f in lost if f.code == "PLN101")
 
 
+@pytest.mark.slow
 def test_a_rail_that_may_not_move_in_cuts_says_what_they_need(make_cell, make_path):
     """Every point of the cut is in reach from somewhere, all of it from nowhere."""
     toolpath, still = long_cut(make_path, half=3.4), replace(RAIL, moves_in_cuts=False)
@@ -423,6 +424,7 @@ def test_a_rim_that_is_as_good_held_stays_held(make_cell, make_path):
     assert np.ptp(result.external) == 0.0
 
 
+@pytest.mark.slow
 def test_a_rim_refused_where_the_table_stands_is_carried_at_once(make_cell, make_path, monkeypatch):
     """A disc in the way of the arm: no place of the table serves, nor is each of them tried."""
     toolpath, turn = rim(make_path, 0.305, 90.0 * DEG)
@@ -463,6 +465,7 @@ def test_a_tool_that_stands_still_on_a_turning_table_does_not_twist(make_cell, m
     assert np.allclose(T[:, :3, :3], T[0, :3, :3], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_whole_turns_of_a_table_are_rated_once(make_cell, make_path, monkeypatch):
     toolpath, turn = rim(make_path, 0.25, 45.0 * DEG, n=31)
     cell = make_cell(external_axes=(replace(turn, q_min=-4.0 * np.pi, q_max=4.0 * np.pi),))

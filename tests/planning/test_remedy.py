@@ -71,6 +71,7 @@ def under_beam(height, approach):
     return parse_cell(text.encode(), "beam.toml")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("height", [280, 300])
 def test_the_end_of_a_cut_that_the_tool_cannot_come_away_from(make_path, height):
     """The head, 227 mm high, stands free at every spin; it hits the beam when it backs off."""
@@ -86,6 +87,7 @@ def test_the_end_of_a_cut_that_the_tool_cannot_come_away_from(make_path, height)
     assert not plan(toolpath, under_beam(height, 10)).errors
 
 
+@pytest.mark.slow
 def test_a_spin_that_is_named_serves_the_whole_stroke(make_path):
     """Beside a beam over the hole the tool stands free, but not where its stroke begins."""
     cycles = (Cycle("drill", 0.0, 0.0, 0.05, feed=0.002),)

@@ -110,6 +110,7 @@ def test_too_fine_a_turn_is_refused(make_cell):
         settle(cell)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("no_scene")
 @pytest.mark.parametrize("weight", [0.0, 0.1, 1.0])
 def test_brute_force_over_spin_and_tilt(make_cell, make_path, weight):

@@ -155,6 +155,7 @@ def test_files_with_several_tools_need_them_in_the_cell(corpus, tmp_path):
 SEVERAL = [name for name, needs in NEEDS.items() if TOOLS in needs]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SEVERAL)
 def test_files_with_several_tools_convert(corpus, tmp_path, capsys, name):
     """With a tool of its own length for each number: into a program that comes back good."""

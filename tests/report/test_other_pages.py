@@ -13,6 +13,7 @@ READY = "window.ppPage && ppPage.state().ready"
 PAGES = ("report.html", "identify.html", "plan/sample.html")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*PAGES, "stiffness.html", "cell.html"])
 def test_every_page_opens_alone_and_without_an_error(browser, measured, name):
     path = measured / name

@@ -436,6 +436,7 @@ def test_loads_with_another_sign_or_unit_are_refused(arm, postures, spoil, code,
         identify(rows, arm, TCP, options, K_PAPER)
 
 
+@pytest.mark.slow
 def test_loads_that_stand_in_other_rows_give_no_model(arm, postures):
     """On tags not fitted no model beats a rigid arm: none is written."""
     twin = Twin()

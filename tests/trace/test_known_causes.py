@@ -157,6 +157,7 @@ def test_noise_of_encoders_is_no_clock(tmp_path):
     assert (told["adopted"], told["verdict"]) == ([], "no_gap")
 
 
+@pytest.mark.slow
 def test_a_late_clock_is_named_and_no_contour_error(tmp_path, capsys):
     on_time = diagnose_trace(tracked(tmp_path / "a.csv", 0.0, LAGS), load_cell(CELL)).document
     log = str(tracked(tmp_path / "b.csv", 0.14, LAGS))
@@ -177,6 +178,7 @@ def test_a_late_clock_is_named_and_no_contour_error(tmp_path, capsys):
     assert known["contour"]["rms_mm"] == pytest.approx(left, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_written_model_counts_as_known(tmp_path, capsys):
     log = str(written(tmp_path / "log.csv", rows(lambda t: command(t, LAGS), 0.008)))
     call = ["diagnose", "--trace", log, "--cell", str(CELL), "--quiet", "--json"]

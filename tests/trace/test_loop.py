@@ -104,6 +104,7 @@ def test_a_shift_answers_what_lasts():
     assert not stays[18:24].any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "cause", "keys"),
     [(91, "servo_lag", ["delay_ms"]), (2, "reversal_error", ["half_gap_deg", "spike_deg"])],

@@ -98,6 +98,7 @@ class Program:
         return {**self.files, file: "\r\n".join(lines).encode("ascii")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case[0])
 def test_whatever_stands_in_a_cut_is_told(case):
     program, rng = Program(*case), random.Random(43)

@@ -97,6 +97,7 @@ def test_a_tighter_cell_refuses_what_a_wider_one_left_out(thinned):
         assert {item.code for item in report.violations} & {"position", "axis"}
 
 
+@pytest.mark.slow
 def test_a_line_more_left_out_is_caught_where_it_matters(thinned):
     """Each line taken out of the text in turn: wrong as soon as the sampled way is off by more."""
     toolpath, cell, job = thinned

@@ -101,6 +101,7 @@ def test_reach_of_a_moved_part_is_that_of_convert(bench, tmp_path):
     assert code == 1
 
 
+@pytest.mark.slow
 def test_why_and_its_cure_as_keys_of_the_cell(bench, tmp_path):
     """What is applied is what ``convert`` then calls good; undo takes it back, a move stays."""
     bench.move(("part", 0), [4550.0, 0.0, 1000.0], [-90.0, 0.0, 90.0])

@@ -98,6 +98,7 @@ def test_tabs_that_die_in_the_middle_harm_nobody(running):
     assert first["plan"]
 
 
+@pytest.mark.slow
 def test_files_that_turn_bad_are_said_in_the_page_and_mended_by_a_reload(tmp_path):
     cell, holes = job(tmp_path, holes=2)
     good = cell.read_text()

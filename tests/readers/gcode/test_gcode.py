@@ -217,6 +217,7 @@ step_deg = 60
 """
 
 
+@pytest.mark.slow
 def test_files_of_seats_become_programs(tmp_path):
     (tmp_path / "cell.toml").write_text(CELL)
     cell = pp.load_cell(tmp_path / "cell.toml")
