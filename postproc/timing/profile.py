@@ -251,33 +251,19 @@ def _even_push(length: float, speed: float, time: float) -> float:
     return speed / ramps if ramps * speed <= length else 4.0 * length / time**2
 
 
-def axis_speed_cap(
-    dq: ArrayLike, step: ArrayLike, q_speed: ArrayLike, q_acceleration: ArrayLike | None = None
-) -> FloatArray:
+def axis_speed_cap(dq: ArrayLike, step: ArrayLike, q_speed: ArrayLike) -> FloatArray:
     """Return the largest path speed (k,) [m/s] at which no axis exceeds its speed.
 
     Args:
         dq: (k, d) joint change over each segment [rad].
         step: (k,) length of each segment [m].
         q_speed: (d,) limits [rad/s].
-        q_acceleration: (d,) limits [rad/s^2]; they bound v^2 d2q/ds2 between neighbouring
-            segments; None: no such bound.
     """
     change = np.abs(np.asarray(dq, dtype=np.float64))
     length = np.asarray(step, dtype=np.float64)
     with np.errstate(divide="ignore", invalid="ignore"):
         cap = np.where(change > _TINY, length[:, None] * np.asarray(q_speed) / change, np.inf)
-    best = cap.min(axis=1, initial=np.inf)
-    if q_acceleration is None or len(change) < 2:
-        return np.asarray(best)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        slope = np.asarray(dq, dtype=np.float64) / np.maximum(length, _TINY)[:, None]
-        between = 0.5 * (length[1:] + length[:-1])
-        bend = np.abs(np.diff(slope, axis=0)) / np.maximum(between, _TINY)[:, None]
-        curve = np.sqrt(np.asarray(q_acceleration) / np.maximum(bend, _TINY)).min(axis=1)
-    best[1:] = np.minimum(best[1:], curve)
-    best[:-1] = np.minimum(best[:-1], curve)
-    return np.asarray(best)
+    return np.asarray(cap.min(axis=1, initial=np.inf))
 
 
 class _RestToRest:

@@ -129,15 +129,6 @@ def test_axis_cap():
     assert np.isinf(cap[1])
 
 
-def test_axis_cap_on_a_circle_of_joint_space():
-    """q = A sin(s/R): q'' = A/R^2 at the top, so v^2 A/R^2 = qdd there."""
-    s = np.linspace(0.0, np.pi, 2001)
-    q = 0.3 * np.sin(s / 0.5)[:, None]
-    cap = axis_speed_cap(np.diff(q, axis=0), np.diff(s), [np.inf], [2.0])
-    at = int(np.argmin(np.abs(s - 0.25 * np.pi)))
-    assert cap[at] == pytest.approx(np.sqrt(2.0 * 0.5**2 / 0.3), rel=1e-3)
-
-
 def test_no_waypoint_and_no_network(monkeypatch):
     """ruckig sends problems with intermediate waypoints to a service: no such call is made."""
 
