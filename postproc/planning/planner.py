@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
 
 from postproc.arrays import IndexArray
-from postproc.cell import Cell
+from postproc.cell import Cell, Preset
 from postproc.errors import Finding, PlanError, Severity
 from postproc.model import CUTS, Plan, ToolPath
 from postproc.planning.attempt import rank
@@ -61,25 +62,41 @@ def plan(
         CellError: if the cell asks for what does not exist.
     """
     options = options or PlanOptions()
-    job = Job(settle(cell)[1], options, progress)  # what is wrong with them, before hours of work
+    settle(cell)  # what is wrong with its options, before hours of work
     _require_few_pecks(toolpath)
     assigned = assign(driven(as_served(toolpath, cell), cell), cell)
     toolpath, stretches = with_turns(assigned.toolpath), assigned.stretches()
     if any(finding.is_error for finding in assigned.findings) and not options.partial:
         return Plan.nothing(toolpath, options.name or toolpath.name, assigned.findings)
     plans: list[Plan] = []
-    for is_ordered in (True, False) if cell.optimize.free_order else (False,):  # may be no quicker
-        path = toolpath
-        if is_ordered:
-            path = reordered(path, _order(path, cell, job.settings, stretches))
-        path = holes_served(path, cell)
+    for here in _ways(cell):
+        job, path = Job(settle(here)[1], options, progress), toolpath
+        if here.optimize.free_order:
+            path = reordered(path, _order(path, here, job.settings, stretches))
+            here = replace(here, optimize=replace(here.optimize, free_order=False))
+        path = holes_served(path, here)
         part, distinct = without_repeats(path)
-        result = plan_stretches(job, part, cell, assigned.of(distinct).stretches())
-        notes = (*result.findings, *_left_out_note(result), *_home_note(result, cell))
+        result = plan_stretches(job, part, here, assigned.of(distinct).stretches())
+        notes = (*result.findings, *_left_out_note(result), *_home_note(result, here))
         result = replace(result, findings=notes)
         plans.append(with_repeats(result, path, distinct) if len(distinct) < len(path) else result)
     best = min(plans, key=lambda plan: rank(plan.findings, plan.cycle_time))
     return replace(best, findings=(*assigned.findings, *best.findings))
+
+
+def _ways(cell: Cell) -> list[Cell]:
+    """Return the presets and orders of which the quickest plan counts, those asked for first.
+
+    Neither an order that is looked for nor short ways for their own sake are always quicker.
+    """
+    wishes = cell.optimize
+    is_fastest = wishes.preset is Preset.FASTEST and isinstance(wishes.objective, str)
+    presets = (Preset.FASTEST, Preset.BALANCED) if is_fastest else (wishes.preset,)
+    orders = (True, False) if wishes.free_order else (False,)
+    return [
+        replace(cell, optimize=replace(wishes, preset=preset, free_order=order))
+        for preset, order in itertools.product(presets, orders)
+    ]
 
 
 def _home_note(result: Plan, cell: Cell) -> list[Finding]:
