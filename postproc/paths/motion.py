@@ -240,13 +240,16 @@ class _Solver:
         joint = np.flatnonzero(~self.trace.is_cp)
         # from one joint motion to another, so that memory stays bounded
         parts = joint[np.flatnonzero(np.diff(self.first[joint] // _CHUNK, prepend=0))]
-        start = 0
-        for index in [*np.union1d(waiting, parts).tolist(), len(self.trace)]:
+        start, told = 0, 0
+        stops = {*waiting.tolist(), len(self.trace)}
+        for index in sorted(stops.union(parts.tolist())):
             self._paths(start, index)
-            if index < len(self.trace) and index in waiting:
-                self._nearest_target(index)
             start = index
-        self._note_unreachable()
+            if index in stops:
+                self._note_unreachable(told, index)
+                told = index
+                if index < len(self.trace):
+                    self._nearest_target(index)
         self._resolve()
         ends = self.curves.T_robroot_flange
         end_point, end_axis = self.station.in_part(ends, self.external, np.arange(len(ends)))
@@ -467,8 +470,9 @@ class _Solver:
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(length > 0.0, length / speed, self.curves.angle / turning)
 
-    def _note_unreachable(self) -> None:
-        lost = np.unique(self.row[~np.isfinite(self.q_sample[:, 0])])
+    def _note_unreachable(self, low: int, high: int) -> None:
+        own = slice(self.first[low], self.first[high])
+        lost = np.unique(self.row[own][~np.isfinite(self.q_sample[own, 0])])
         for motion in lost[:20].tolist():
             more = f" ({len(lost)} such motions)" if len(lost) > 20 else ""
             self._finding(

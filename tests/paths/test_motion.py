@@ -88,6 +88,17 @@ def test_without_status_the_branch_stays_and_the_turn_is_the_nearest(cell, kinem
     assert np.abs(found.q[1] - end).max() < 1e-7
 
 
+def test_the_first_of_each_stretch_out_of_reach_are_listed(cell, kinematics):
+    """Between Cartesian PTP targets: 20 each, whatever parts the check takes them in."""
+    q = np.radians([0.0, -90.0, 90.0, 0.0, 45.0, 0.0])
+    near, far = f"PTP {{{frame_text(cell, kinematics, q)}}}", "LIN {X 9000,Y 0,Z 0}"
+    found = paths(cell, kinematics, ptp(q), *[far] * 30, near, *[far] * 25).findings
+    rows = [f.message for f in found if "leaves the reach" in f.message]
+    assert len(rows) == 40
+    assert sum("30 such motions" in row for row in rows) == 20
+    assert sum("25 such motions" in row for row in rows) == 20
+
+
 def test_impossible_turns_and_reaches_are_findings(cell, kinematics):
     q = np.array([10.0, -80.0, 100.0, 15.0, 40.0, 20.0]) * DEG
     text = frame_text(cell, kinematics, q)
