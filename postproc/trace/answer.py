@@ -119,7 +119,7 @@ class PathDiagnosis:
             self.stages[k] = Stage(stage.name, stage.scene, stage.gap - off, known)
             self._known |= {name: stage.at_tool(value) for name, value in values.items()}
 
-    @property
+    @cached_property
     def as_programmed(self) -> dict[str, Planned]:
         """Effects of the planner, by name, as they are if none is known."""
         match = self._programmed
