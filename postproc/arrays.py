@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 from bisect import bisect_left
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import Field, fields
 from functools import cache
 from typing import Any, Self, TypeVar
@@ -36,6 +36,12 @@ TINY = 1e-6
 """Smaller lengths [m] and angles [rad] are none: no file, controller or drive tells them."""
 AT_ONCE = 4000
 """Rows of large intermediate arrays that are made together, so that memory stays bounded."""
+
+
+def blocks(count: int, size: int = AT_ONCE) -> Iterator[slice]:
+    """Yield slices of at most ``size`` rows that cover ``count`` rows."""
+    for start in range(0, count, size):
+        yield slice(start, min(start + size, count))
 
 
 def frozen_floats(owner: object, name: str, shape: tuple[int | None, ...]) -> None:

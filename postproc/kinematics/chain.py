@@ -8,13 +8,12 @@ matrices.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import field
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from postproc.arrays import FloatArray, frozen_floats
+from postproc.arrays import FloatArray, blocks, frozen_floats
 from postproc.records import dataclass
 
 CHUNK = 2000
@@ -55,7 +54,7 @@ class SerialChain:
         T = np.zeros((len(flat), 4, 4))
         T[:, 3, 3] = 1.0
         steps = self._steps
-        for block in blocks(len(flat)):
+        for block in blocks(len(flat), CHUNK):
             columns, origin = _identity()
             for step, cosine, sine in zip(steps[:6], *_trigonometry(flat[block]), strict=True):
                 columns, origin = step.advance(columns, origin, cosine, sine)
@@ -76,7 +75,7 @@ class SerialChain:
         """Return ``link_frames`` of (n, 6) as (7, 3, 4, n): configurations last, row 4 left out."""
         links = np.empty((7, 3, 4, len(q)))
         links[0] = np.eye(4)[:3, :, None]
-        for block in blocks(len(q)):
+        for block in blocks(len(q), CHUNK):
             columns, origin = _identity()
             joints = zip(self._steps[:6], *_trigonometry(q[block]), strict=True)
             for link, (step, cosine, sine) in enumerate(joints, start=1):
@@ -94,7 +93,7 @@ class SerialChain:
         flat = angles.reshape(-1, 6)
         tcp = np.asarray(p_flange_tcp, dtype=np.float64)
         J = np.empty((len(flat), 6, 6))
-        for block in blocks(len(flat)):
+        for block in blocks(len(flat), CHUNK):
             _write_jacobian(J[block], *self._turns(flat[block], tcp))
         return J.reshape(*angles.shape[:-1], 6, 6)
 
@@ -106,7 +105,7 @@ class SerialChain:
         angles, along = np.asarray(q, dtype=np.float64), np.asarray(direction, dtype=np.float64)
         tcp = np.asarray(p_flange_tcp, dtype=np.float64)
         result = np.empty((len(angles), 6))
-        for block in blocks(len(angles)):
+        for block in blocks(len(angles), CHUNK):
             turns, end = self._turns(angles[block], tcp)
             n = np.ascontiguousarray(along[block].T)
             before, lever = None, n
@@ -166,12 +165,6 @@ def _steps_of(placements: FloatArray, axes: FloatArray) -> tuple[_Step, ...]:
         steps.append(_Step(_by_columns(_cleaned(turn)), _weights(shift), _by_columns(after.T)))
         before = after
     return tuple(steps)
-
-
-def blocks(count: int, size: int = CHUNK) -> Iterator[slice]:
-    """Yield slices of at most ``size`` rows that cover ``count`` rows."""
-    for start in range(0, count, size):
-        yield slice(start, min(start + size, count))
 
 
 def _identity() -> tuple[Columns, FloatArray]:

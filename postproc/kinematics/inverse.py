@@ -21,9 +21,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IndexArray
+from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IndexArray, blocks
 from postproc.kinematics.branches import MayStand, Solver, wrapped
-from postproc.kinematics.chain import Columns, blocks
+from postproc.kinematics.chain import Columns
 from postproc.kinematics.opw import OpwArm
 from postproc.records import dataclass
 

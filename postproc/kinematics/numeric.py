@@ -14,10 +14,10 @@ from dataclasses import field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IntArray
+from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IntArray, blocks
 from postproc.geometry import vee
 from postproc.kinematics.branches import Branches, Solver, wrapped
-from postproc.kinematics.chain import SerialChain, blocks
+from postproc.kinematics.chain import SerialChain
 from postproc.records import dataclass
 
 CHUNK = 512

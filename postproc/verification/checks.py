@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from postproc.arrays import AT_ONCE, AnyIntArray, BoolArray, FloatArray
+from postproc.arrays import AnyIntArray, BoolArray, FloatArray, blocks
 from postproc.controller import Blend, EventWord
 from postproc.errors import RunKind, Severity
 from postproc.kinematics import (
@@ -154,8 +154,7 @@ def _by_parts(
     distance: Callable[[Kinematics, FloatArray], FloatArray], kinematics: Kinematics, q: FloatArray
 ) -> FloatArray:
     """Return distances (k,) of configurations (k, 6), so that memory stays bounded."""
-    parts = [distance(kinematics, q[at : at + AT_ONCE]) for at in range(0, len(q), AT_ONCE)]
-    return np.concatenate(parts)
+    return np.concatenate([distance(kinematics, q[own]) for own in blocks(len(q))])
 
 
 def _overhead(distance: FloatArray, motion: AnyIntArray) -> Iterator[Said]:

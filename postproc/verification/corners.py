@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from postproc.arrays import AT_ONCE, AnyIntArray, BoolArray, FloatArray, taken
+from postproc.arrays import AnyIntArray, BoolArray, FloatArray, blocks, taken
 from postproc.controller import Blend, MotionType
 from postproc.errors import RunKind, Severity
 from postproc.geometry import inverse
@@ -135,8 +135,7 @@ def check_corner_ways(run: Run, scene: Scene, rows: AnyIntArray) -> Iterator[Rem
     """
     at, is_cut = run.bent[rows], run.is_cut
     lost, wrist, pair = np.zeros(len(at), dtype=np.bool_), np.zeros(len(at)), np.zeros_like(at)
-    for low in range(0, len(at), AT_ONCE):
-        own = slice(low, low + AT_ONCE)
+    for own in blocks(len(at)):
         bound = bound_of(run.kinematics, run.corners.rows(rows[own]))
         hits = scene.check_corners(bound, is_cut[at[own]] & is_cut[at[own] + 1])
         lost[own], wrist[own], pair[own] = bound.lost, bound.wrist, hits.pair

@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from postproc.arrays import AT_ONCE, ROUNDING, BoolArray, FloatArray, IndexArray, numbered, taken
+from postproc.arrays import (
+    AT_ONCE,
+    ROUNDING,
+    BoolArray,
+    FloatArray,
+    IndexArray,
+    blocks,
+    numbered,
+    taken,
+)
 from postproc.geometry import STEP_SWEEP, arc_poses, line_poses, path_length, rotation_angle
 from postproc.model import Arcs
 from postproc.planning.states import Problem, Strokes
@@ -302,10 +311,9 @@ class Checker:
         if len(lines) <= AT_ONCE:
             return self._tracked(lines, verdict)
         parts: dict[int, Track] = {}
-        for low in range(0, len(lines), AT_ONCE):
-            own = slice(low, low + AT_ONCE)
+        for own in blocks(len(lines)):
             found = Verdict(verdict.reason[own], verdict.pair[own])
-            parts[low] = self._tracked(lines.cut(own), found)
+            parts[own.start] = self._tracked(lines.cut(own), found)
         return Track.joined(parts)
 
     def _tracked(self, lines: Lines, verdict: Verdict) -> Track:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from postproc.arrays import AT_ONCE, ROUNDING, BoolArray, FloatArray, IndexArray, stepped
+from postproc.arrays import ROUNDING, BoolArray, FloatArray, IndexArray, blocks, stepped
 from postproc.geometry import inverse, rotation_angle
 from postproc.kinematics import (
     IN_STEP,
@@ -70,8 +70,8 @@ def lowered_blends(
     if checker.scene is not None:
         plain = (legs.miss(feed, kept[feed]) < NEGLIGIBLE) & (legs.turn(feed, kept[feed]) < IN_STEP)
         at = np.setdiff1d(at, feed[plain])
-        for low in range(0, len(at), AT_ONCE):
-            _free(checker, legs, kept, at[low : low + AT_ONCE], cut)
+        for own in blocks(len(at)):
+            _free(checker, legs, kept, at[own], cut)
     return np.where(kept < SMALLEST, 0.0, kept)
 
 

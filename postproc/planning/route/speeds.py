@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from postproc.arrays import AT_ONCE, ROUNDING, BoolArray, FloatArray, IndexArray
+from postproc.arrays import ROUNDING, BoolArray, FloatArray, IndexArray, blocks
 from postproc.errors import Finding, Severity
 from postproc.geometry import rotation_angle
 from postproc.model import MoveKind, MoveRole
@@ -141,11 +141,11 @@ def _paced(
     )
     cap, orientation = np.full(len(table), np.inf), np.full(len(table), np.nan)
     parts: dict[int, Track] = {}
-    for low in range(0, max(len(rows), 1), AT_ONCE):
-        at, own = rows[low : low + AT_ONCE], lines.cut(slice(low, low + AT_ONCE))
+    for part in blocks(max(len(rows), 1)):
+        at, own = rows[part], lines.cut(part)
         track = checker.track(own, Verdict.clean(len(own)))
-        parts[low] = _raced(checker.problem, own, track, table.speed[at])
-        cap[at], orientation[at] = _caps(checker.problem, own, parts[low])
+        track = parts[part.start] = _raced(checker.problem, own, track, table.speed[at])
+        cap[at], orientation[at] = _caps(checker.problem, own, track)
     return rows, lines, Track.joined(parts), cap, orientation
 
 
